@@ -46,7 +46,8 @@ wire_enum! {
         Disarmed = 1, "disarmed";
         /// No command came for longer than T2.
         CommandLost = 2, "command_lost";
-        /// The bridge itself was stopped for longer than T2.
+        /// The bridge itself was stopped for longer than T2, or heard no motor for `feedback_ms`
+        /// because it was late itself.
         Stalled = 3, "stalled";
         /// No command came since the request to arm.
         NoCommand = 4, "no_command";

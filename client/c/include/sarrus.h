@@ -515,7 +515,8 @@ enum sarrus_reason
      */
     SARRUS_REASON_COMMAND_LOST = 2,
     /**
-     * The bridge itself was stopped for longer than T2.
+     * The bridge itself was stopped for longer than T2, or heard no motor for `feedback_ms`
+     * because it was late itself.
      */
     SARRUS_REASON_STALLED = 3,
     /**

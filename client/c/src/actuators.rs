@@ -33,7 +33,8 @@ pub enum Reason {
     Disarmed = 1,
     /// No command came for longer than T2.
     CommandLost = 2,
-    /// The bridge itself was stopped for longer than T2.
+    /// The bridge itself was stopped for longer than T2, or heard no motor for `feedback_ms`
+    /// because it was late itself.
     Stalled = 3,
     /// No command came since it was asked to arm.
     NoCommand = 4,

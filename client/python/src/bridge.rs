@@ -35,7 +35,7 @@ impl PyBridge {
     }
 
     /// Takes an event of a bus: one of `error_active`, `error_warning`, `error_passive`, `bus_off`,
-    /// `restarted`, `dropped`, `backlog`, `overrun`, the last three with a number of frames.
+    /// `restarted`, `dropped`, `backlog`, `overrun`, these three with a number of frames, `late`.
     fn bus_event(&self, now_ns: u64, bus: usize, event: &str, count: u32) -> PyResult<()> {
         let event = self::event(event, count)?;
         self.lock().bus_event(now_ns, bus, event);
@@ -106,7 +106,10 @@ impl PyBridge {
         let mut bridge = self.lock();
         let line = Line::read(line, bridge.configuration()).map_err(PyValueError::new_err)?;
         let (faults, _) = bridge.faults();
-        line.apply(&mut bridge);
+        if !line.apply(&mut bridge) {
+            let found = "the state is of another configuration or version";
+            return Err(PyValueError::new_err(found));
+        }
         let frames = match line.what {
             What::Cycle => log::sent(&bridge, line.t).collect(),
             _ => Vec::new(),

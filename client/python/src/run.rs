@@ -14,6 +14,7 @@ use pyo3::types::PyDict;
 use sarrus_can_core::frame::Frame;
 use sarrus_can_run::bus::{Bus, BusError, Heard, Reconnecting, Sent};
 use sarrus_can_run::{Report, Running, Settings, prepare, stderr};
+use sarrus_client::now_ns;
 use std::os::fd::BorrowedFd;
 
 use crate::bridge::event;
@@ -32,8 +33,9 @@ struct PythonBus {
     is_mute: bool,
     /// Frames for the next call of `send`.
     collected: Vec<Frame>,
-    /// Input of the last call of `receive`.
-    heard: VecDeque<Heard>,
+    /// Input of the last call of `receive`, each with when it came `[ns]`.
+    heard: VecDeque<(u64, Heard)>,
+    heard_ns: Option<u64>,
     /// Whether `heard` held input at the last call of `next`.
     had_input: bool,
     backlog: u32,
@@ -49,6 +51,7 @@ impl PythonBus {
             is_mute,
             collected: Vec::new(),
             heard: VecDeque::new(),
+            heard_ns: None,
             had_input: false,
             backlog: 0,
             failure: None,
@@ -96,17 +99,24 @@ impl Bus for PythonBus {
         // without end
         if self.heard.is_empty() && !std::mem::take(&mut self.had_input) {
             attached(|py| {
-                for heard in
-                    self.adapter.bind(py).call_method0(intern!(py, "receive"))?.try_iter()?
-                {
-                    self.heard.push_back(input(&heard?)?);
+                let adapter = self.adapter.bind(py);
+                for heard in adapter.call_method0(intern!(py, "receive"))?.try_iter()? {
+                    let heard = input(&heard?)?;
+                    let age = adapter.getattr_opt(intern!(py, "age"))?;
+                    let age: f64 = age.map_or(Ok(0.0), |age| age.extract())?;
+                    let age_ns = (age.clamp(0.0, 1.0) * 1e9) as u64;
+                    self.heard.push_back((now_ns().saturating_sub(age_ns), heard));
                 }
                 Ok(())
             })?;
         }
         let next = self.heard.pop_front();
-        self.had_input = next.is_some();
-        Ok(next)
+        (self.had_input, self.heard_ns) = (next.is_some(), next.map(|(at_ns, _)| at_ns));
+        Ok(next.map(|(_, heard)| heard))
+    }
+
+    fn heard_ns(&self) -> Option<u64> {
+        self.heard_ns
     }
 
     fn backlog(&self) -> u32 {

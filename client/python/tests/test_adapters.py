@@ -17,6 +17,7 @@ from sarrus.can import Address, BusError, Frame, open_bus
 from sarrus.can.adapters import (
     AnyAdapter,
     SocketcanAdapter,
+    age_of,
     events_of_error_frame,
     of_message,
     to_message,
@@ -99,6 +100,12 @@ class Lines(unittest.TestCase):
                 for what in reader.take(whole[begin : begin + 4096])
             ]
             self.assertEqual(heard, [("overrun", 1), Frame(0x123, b"\xbb")])
+
+    def test_a_frame_is_as_old_as_its_time_says_on_the_clock_of_the_system_alone(self):
+        self.assertGreaterEqual(age_of(time.time() - 0.05), 0.05)
+        # times since the start of an interface, and those of a clock that was set
+        for timestamp in (0.0, 12.5, time.time() - 3600, time.time() + 3600):
+            self.assertEqual(age_of(timestamp), 0.0)
 
     def test_frames_that_cannot_be_are_refused(self):
         for parts in (

@@ -77,7 +77,7 @@ fn zero(motor: &MotorConfig) -> Vec<String> {
     frames.frames().iter().map(ToString::to_string).collect()
 }
 
-/// By what an encoder that freezes while it holds is found, besides its own noise.
+/// The means that find an encoder that freezes while it holds, besides its own noise.
 fn frozen(motor: &MotorConfig) -> &'static str {
     if motor.monitors.frozen == f64::INFINITY {
         "frozen_undetectable"

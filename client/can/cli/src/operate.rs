@@ -222,7 +222,7 @@ struct StateCounts {
     arming: usize,
     stopping: usize,
     fault: usize,
-    /// Those that are elsewhere than where they were last seen.
+    /// Number of those elsewhere than where they were last seen.
     elsewhere: usize,
     state: u32,
     reason: u32,

@@ -42,7 +42,10 @@ impl Replay {
             }
             let line = Line::read(&line, bridge.configuration())
                 .map_err(|fault| Fault::Input(1, format!("{shown}:{}:1: {fault}", number + 1)))?;
-            step(&mut bridge, &line, &mut out).map_err(Fault::Output)
+            match step(&mut bridge, &line, &mut out).map_err(Fault::Output)? {
+                true => Ok(()),
+                false => Err(Fault::Input(1, format!("{shown}:{}:1: {OTHER}", number + 1))),
+            }
         });
         let flushed = out.flush().map_err(Fault::Output);
         match replayed.and(flushed) {
@@ -70,10 +73,15 @@ enum Fault {
     Output(io::Error),
 }
 
-/// Applies one line; the frames of a cycle are written.
-fn step(bridge: &mut Bridge, line: &Line, out: &mut impl Write) -> io::Result<()> {
+/// The fault of a line that a bridge does not take.
+const OTHER: &str = "the state is of another configuration or version, expected those of the log";
+
+/// Applies one line, or gives false; the frames of a cycle are written.
+fn step(bridge: &mut Bridge, line: &Line, out: &mut impl Write) -> io::Result<bool> {
     let (faults, _) = bridge.faults();
-    line.apply(bridge);
+    if !line.apply(bridge) {
+        return Ok(false);
+    }
     if bridge.faults().0 != faults
         && let Some(fault) = log::fault(bridge)
     {
@@ -82,5 +90,5 @@ fn step(bridge: &mut Bridge, line: &Line, out: &mut impl Write) -> io::Result<()
     if line.what == What::Cycle {
         log::sent(bridge, line.t).try_for_each(|frame| writeln!(out, "{frame}"))?;
     }
-    Ok(())
+    Ok(true)
 }

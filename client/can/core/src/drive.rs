@@ -5,6 +5,7 @@
 //! motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::state::{Words, state, state_of_enum};
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
@@ -303,6 +304,9 @@ pub trait Drive: Send + core::fmt::Debug {
     /// State of the motor.
     fn state(&self) -> DriveState;
 
+    /// Writes all that changes, for a log, or reads it.
+    fn carry(&mut self, _words: &mut Words<'_>) {}
+
     /// Called when an operator arms, and before the motor gets power: the motor's settings are
     /// written and read back anew, since a motor whose supply was away has lost them. Does nothing
     /// if the protocol has no such settings.
@@ -331,6 +335,12 @@ pub trait Drive: Send + core::fmt::Debug {
     /// these.
     fn largest_gains(&self) -> [f64; 2] {
         [f64::INFINITY; 2]
+    }
+
+    /// When the position of the last measurement came, where it comes apart from the rest; `None`
+    /// where it came with the measurement `[ns]`.
+    fn position_ns(&self) -> Option<u64> {
+        None
     }
 
     /// How its measurements go with the frames of a cycle.
@@ -400,3 +410,8 @@ pub trait Drive: Send + core::fmt::Debug {
         [f64::INFINITY; 3]
     }
 }
+
+state!(DriveState { power, fault, watchdog });
+state!(Measurement { position, velocity, torque, temperature });
+state_of_enum!(Power { Unknown, Off, Starting, On });
+state_of_enum!(Watchdog { Unknown, Off, Set(u32), Unreadable });

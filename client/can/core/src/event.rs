@@ -1,5 +1,7 @@
 //! Events and states of a bus.
 
+use crate::state::state_of_enum;
+
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
@@ -20,6 +22,8 @@ pub enum BusEvent {
     Backlog(u32),
     /// Frames that were received and lost because no reader took them in time.
     Overrun(u32),
+    /// The program's own thread of the bus did not get to run since the last cycle.
+    Late,
 }
 
 /// The state of a bus.
@@ -59,6 +63,7 @@ impl BusEvent {
             BusEvent::Dropped(count),
             BusEvent::Backlog(count),
             BusEvent::Overrun(count),
+            BusEvent::Late,
         ];
         all.into_iter().find(|event| event.name() == name)
     }
@@ -74,6 +79,7 @@ impl BusEvent {
             BusEvent::Dropped(_) => "dropped",
             BusEvent::Backlog(_) => "backlog",
             BusEvent::Overrun(_) => "overrun",
+            BusEvent::Late => "late",
         }
     }
 
@@ -87,3 +93,5 @@ impl BusEvent {
         }
     }
 }
+
+state_of_enum!(BusState { Active, Warning, Passive, Off });

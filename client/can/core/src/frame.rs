@@ -1,5 +1,7 @@
 //! CAN frames, classic and FD, as plain values.
 
+use crate::state::{State, Words};
+
 /// Most data bytes of a frame.
 pub const MAX_DATA: usize = 64;
 
@@ -59,6 +61,10 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// No content and the least identifier.
+    pub(crate) const EMPTY: Frame =
+        Frame { id: Id::Standard(0), kind: FrameKind::Classic, len: 0, data: [0; MAX_DATA] };
+
     /// A classic frame; `None` beyond 8 bytes.
     pub fn classic(id: Id, bytes: &[u8]) -> Option<Frame> {
         if bytes.len() <= 8 { Frame::of(id, FrameKind::Classic, bytes) } else { None }
@@ -178,6 +184,24 @@ impl FrameQueue {
         &self.frames
     }
 
+    /// The most frames that it holds.
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Replaces the frame of a place, or adds one behind the last.
+    pub(crate) fn put(&mut self, place: usize, frame: Frame) {
+        match self.frames.get_mut(place) {
+            Some(of_place) => *of_place = frame,
+            None => self.push(frame),
+        }
+    }
+
+    /// Keeps the first `n` frames.
+    pub(crate) fn cut(&mut self, n: usize) {
+        self.frames.truncate(n);
+    }
+
     /// Frames that found no room so far.
     pub fn dropped(&self) -> u64 {
         self.dropped
@@ -186,6 +210,49 @@ impl FrameQueue {
     /// Empties the queue.
     pub fn clear(&mut self) {
         self.frames.clear();
+    }
+}
+
+impl State for FrameQueue {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        let mut n = self.frames().len();
+        n.carry(words);
+        for place in 0..n.min(self.capacity()) {
+            let mut frame = self.frames().get(place).copied();
+            frame.get_or_insert(Frame::EMPTY).carry(words);
+            self.put(place, frame.unwrap_or(Frame::EMPTY));
+        }
+        self.cut(n);
+    }
+}
+
+impl State for Frame {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        let is_extended = matches!(self.id, Id::Extended(_));
+        let is_switched = self.kind == FrameKind::Fd { bit_rate_switch: true };
+        let mut head = [
+            u64::from(self.id.number()),
+            u64::from(is_extended) | u64::from(self.is_fd()) << 1 | u64::from(is_switched) << 2,
+            self.data().len() as u64,
+        ];
+        head.carry(words);
+        let [number, flags, len] = head;
+        let mut bytes = [0; MAX_DATA];
+        let len = (len as usize).min(bytes.len());
+        bytes.iter_mut().zip(self.data()).for_each(|(byte, own)| *byte = *own);
+        for chunk in bytes.chunks_exact_mut(8).take(len.div_ceil(8)) {
+            let mut word = chunk.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte));
+            word.carry(words);
+            chunk.copy_from_slice(&word.to_le_bytes());
+        }
+        let number = number as u32;
+        let id = if flags & 1 != 0 { Id::extended(number) } else { Id::standard(number) };
+        let data = bytes.get(..len).unwrap_or_default();
+        let frame = id.and_then(|id| match flags & 2 != 0 {
+            true => Frame::fd(id, flags & 4 != 0, data),
+            false => Frame::classic(id, data),
+        });
+        *self = frame.unwrap_or(*self);
     }
 }
 

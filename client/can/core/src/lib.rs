@@ -24,6 +24,7 @@ pub mod netlink;
 pub mod protocol;
 mod settings;
 pub mod slcan;
+pub mod state;
 pub mod telemetry;
 
 pub use config::bus_load;

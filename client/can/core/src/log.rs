@@ -8,17 +8,17 @@
 //! {"t": 2200000, "operate": "reset", "actuator": "ALElbowAct"}
 //! {"t": 2300000, "command": {"sequence": 1, "stamp_ns": 2300000, "effort": [0.5, 0]}}
 //! {"t": 4000000, "cycle": true}
-//! {"t": 9000000000, "resume": true, "live": ["ALElbowAct"], "fault": [], "in_time": []}
+//! {"t": 9000000000, "state": "1f 0 3ff0000000000000"}
 //! ```
 //!
 //! `t` is the monotonic clock `[ns]`; frames are as `candump -L` writes them. Missing fields of a
 //! command are zero (`fingerprint` and `n_u`: those of the configuration); `null` is NaN, which
-//! JSON cannot express. After a gap `resume` names the actuators whose mechanisms arm or have
-//! power, those in fault, and those that answer in time ([`Bookmark`]); without lists all continue.
+//! JSON cannot express. `state` is all that the bridge depends on at that time ([`Bridge::save`]),
+//! for a log that does not begin with the bridge: numbers of base 16.
 
 use serde_json::{Value, json};
 
-use crate::bridge::{Bookmark, Bridge, BusEvent};
+use crate::bridge::{Bridge, BusEvent};
 use crate::config::{Configuration, MAX_ACTUATORS};
 use crate::frame::Frame;
 use sarrus_proto::actuators::{ActuatorCommand, Operation};
@@ -45,8 +45,8 @@ pub enum What {
     Command(Box<ActuatorCommand>),
     /// It was time for a cycle.
     Cycle,
-    /// Inputs since the line before are left out; the bridge's state at the end of the gap.
-    Resume(Bookmark),
+    /// The state of the bridge, whose inputs before are left out.
+    State(Box<[u64]>),
 }
 
 impl Line {
@@ -91,8 +91,10 @@ impl Line {
             What::Command(Box::new(command(fields, configuration)?))
         } else if line.get("cycle").is_some() {
             What::Cycle
-        } else if line.get("resume").is_some() {
-            What::Resume(bookmark(&line, configuration)?)
+        } else if let Some(words) = line.get("state") {
+            let words = words.as_str().unwrap_or("-").split(' ');
+            let words: Result<_, _> = words.map(|word| u64::from_str_radix(word, 16)).collect();
+            What::State(words.map_err(|_| "`state` is no list of numbers of base 16")?)
         } else {
             return Err("the line says nothing, expected frame, event, operate, command or cycle"
                 .to_owned());
@@ -100,10 +102,9 @@ impl Line {
         Ok(Line { t, what })
     }
 
-    /// Gives the input to a bridge.
-    pub fn apply(&self, bridge: &mut Bridge) {
-        let skipped_ns = bridge.skipped_ns();
-        let t = self.t.saturating_sub(skipped_ns);
+    /// Gives the input to a bridge; false for a state of another configuration or version.
+    pub fn apply(&self, bridge: &mut Bridge) -> bool {
+        let t = self.t;
         match &self.what {
             What::Frame(bus, frame) => bridge.receive(t, *bus, frame),
             What::Event(bus, event) => bridge.bus_event(t, *bus, *event),
@@ -111,12 +112,12 @@ impl Line {
                 bridge.operate_mechanism(t, *operation, *actuator);
             }
             What::Command(command) => {
-                let stamp_ns = command.stamp_ns.saturating_sub(skipped_ns);
-                let _ = bridge.command(t, &ActuatorCommand { stamp_ns, ..**command });
+                let _ = bridge.command(t, command);
             }
             What::Cycle => bridge.cycle(t),
-            What::Resume(mark) => bridge.resume(self.t, mark),
+            What::State(words) => return bridge.restore(words),
         }
+        true
     }
 
     /// The line's text, without its end.
@@ -153,10 +154,9 @@ impl Line {
                 json!({"t": t, "command": command})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
-            What::Resume(Bookmark { live, fault, in_time }) => {
-                let [live, fault, in_time] =
-                    [live, fault, in_time].map(|bits| names(*bits, configuration));
-                json!({"t": t, "resume": true, "live": live, "fault": fault, "in_time": in_time})
+            What::State(words) => {
+                let words: Vec<String> = words.iter().map(|word| format!("{word:x}")).collect();
+                json!({"t": t, "state": words.join(" ")})
             }
         };
         line.to_string()
@@ -188,33 +188,10 @@ pub fn sent(bridge: &Bridge, t: u64) -> impl Iterator<Item = String> {
     })
 }
 
-/// The actuators whose bits are set.
-fn names(bits: u64, configuration: &Configuration) -> Vec<&str> {
-    let actuators = configuration.actuators.iter().enumerate();
-    actuators.filter(|(place, _)| bits >> place & 1 == 1).map(|(_, name)| name.as_str()).collect()
-}
-
 /// Place of an actuator by its name.
 fn actuator(name: &Value, configuration: &Configuration) -> Result<usize, String> {
     let place = name.as_str().and_then(|name| configuration.actuator(name));
     place.ok_or(format!("there is no actuator {name} in the configuration"))
-}
-
-/// The lists of a line that goes over a gap.
-fn bookmark(line: &Value, configuration: &Configuration) -> Result<Bookmark, String> {
-    let bits = |key: &str, otherwise: u64| {
-        let Some(given) = line.get(key) else { return Ok(otherwise) };
-        let given = given.as_array().ok_or(format!("`{key}` is no list of actuators"))?;
-        given
-            .iter()
-            .try_fold(0, |bits, name| Ok::<u64, String>(bits | 1 << actuator(name, configuration)?))
-    };
-    let Bookmark { live, fault, in_time } = Bookmark::default();
-    Ok(Bookmark {
-        live: bits("live", live)?,
-        fault: bits("fault", fault)?,
-        in_time: bits("in_time", in_time)?,
-    })
 }
 
 fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorCommand, String> {
@@ -301,7 +278,7 @@ mod tests {
             What::Operate(Operation::Arm, Some(0)),
             What::Command(Box::new(command)),
             What::Cycle,
-            What::Resume(Bookmark { live: 1, fault: 0, in_time: 1 }),
+            What::State([0, 1, u64::MAX].into()),
         ];
         for what in whats {
             let line = Line { t: u64::MAX, what };
@@ -335,8 +312,8 @@ mod tests {
             ),
             ("{\"t\": 1, \"operate\": \"run\"}", "no such operation"),
             ("{\"t\": 1, \"operate\": \"arm\", \"actuator\": \"b\"}", "no actuator"),
-            ("{\"t\": 1, \"resume\": true, \"live\": [\"b\"]}", "no actuator"),
-            ("{\"t\": 1, \"resume\": true, \"fault\": 1}", "`fault` is no list"),
+            ("{\"t\": 1, \"state\": \"0 g\"}", "base 16"),
+            ("{\"t\": 1, \"state\": [1]}", "base 16"),
             ("{\"t\": 1, \"command\": {\"position\": [NaN]}}", "not JSON"),
             ("{\"t\": 1, \"command\": {\"position\": [\"1\"]}}", "`position` holds"),
             ("{\"t\": 1, \"command\": {\"positions\": [1]}}", "no `positions`"),

@@ -6,6 +6,7 @@
 //! constant maps a protocol's torque to the true one, τ_m = k τ_said, and its gains likewise.
 
 use crate::drive::{Measurement, Setpoint};
+use crate::state::state;
 
 /// The map from a motor's coordinate to its actuator's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,3 +95,6 @@ impl Mapping {
         }
     }
 }
+
+state!(ActuatorMeasurement { position, velocity, effort, temperature });
+state!(ActuatorSetpoint { position, velocity, effort, stiffness, damping });

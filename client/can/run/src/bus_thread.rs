@@ -48,6 +48,8 @@ struct Queues {
     overrun: u32,
     /// Events without room in `heard`, oldest first.
     untold: Vec<BusEvent>,
+    /// Time of the last input `[ns]`.
+    last_ns: u64,
     /// The last reported backlog.
     backlog: u32,
     /// See [`Bus::is_mute`].
@@ -67,6 +69,11 @@ impl BusEnd {
     pub(crate) fn heard(&mut self) -> impl Iterator<Item = Stamped> {
         let waiting = self.heard.slots();
         std::iter::from_fn(|| self.heard.pop().ok()).take(waiting)
+    }
+
+    /// Whether frames of the last cycle still wait: the bus's thread does not get to run.
+    pub(crate) fn is_late(&self) -> bool {
+        self.to_send.slots() < ROOM
     }
 
     /// Hands the frames of a cycle over and wakes the bus; gives how many are dropped.
@@ -114,6 +121,7 @@ impl BusThread {
             bell,
             overrun: 0,
             untold: Vec::with_capacity(UNTOLD),
+            last_ns: 0,
             backlog: 0,
             is_mute,
         };
@@ -157,7 +165,7 @@ impl Queues {
         // a bus that never falls silent does not keep this thread from sending
         for _ in 0..AT_ONCE {
             let Some(heard) = port.next()? else { break };
-            self.tell(heard);
+            self.tell(heard, port.heard_ns());
         }
         if self.overrun > 0
             && self.heard.push((now_ns(), Heard::Event(BusEvent::Overrun(self.overrun)))).is_ok()
@@ -187,20 +195,22 @@ impl Queues {
         dropped += port.flush();
         // the rules count those of a mute bus themselves
         if dropped > 0 && !self.is_mute {
-            self.tell(Heard::Event(BusEvent::Dropped(dropped)));
+            self.tell(Heard::Event(BusEvent::Dropped(dropped)), None);
         }
         // frames of this cycle are on their way; those that still wait at the next are old
         let backlog = port.backlog().saturating_sub(slots as u32);
-        if backlog != self.backlog && self.tell(Heard::Event(BusEvent::Backlog(backlog))) {
+        if backlog != self.backlog && self.tell(Heard::Event(BusEvent::Backlog(backlog)), None) {
             self.backlog = backlog;
         }
         Ok(())
     }
 
-    /// Queues an input for the rules; false if there is no room. A change of the bus's state then
-    /// waits for room.
-    fn tell(&mut self, heard: Heard) -> bool {
-        let is_told = self.untold.is_empty() && self.heard.push((now_ns(), heard)).is_ok();
+    /// Queues an input for the rules, with its time of arrival where that is known; false if there
+    /// is no room. A change of the bus's state then waits for room.
+    fn tell(&mut self, heard: Heard, came_ns: Option<u64>) -> bool {
+        let now_ns = now_ns();
+        self.last_ns = came_ns.unwrap_or(now_ns).min(now_ns).max(self.last_ns);
+        let is_told = self.untold.is_empty() && self.heard.push((self.last_ns, heard)).is_ok();
         match heard {
             _ if is_told => {}
             Heard::Event(event) if event.count().is_none() && self.untold.len() < UNTOLD => {

@@ -13,7 +13,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use sarrus_can_core::bridge::{Bridge, BusEvent};
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::fault_files::FaultFiles;
-use sarrus_can_core::fault_log::{After, FaultLog};
+use sarrus_can_core::fault_log::{FaultLog, STATE_NS};
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::log::{Line, What};
 use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};
@@ -23,6 +23,8 @@ use crate::stderr::say;
 /// Inputs and commands that may wait.
 const ROOM: usize = 1 << 15;
 const COMMANDS: usize = 256;
+/// States of the bridge that have room.
+const STATES: usize = 8;
 /// Time between two reads of the queues.
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -34,7 +36,11 @@ enum Input {
     Operate(u64, Operation, Option<usize>),
     /// The command itself is in a queue of its own.
     Command(u64),
-    Cycle(u64, After),
+    Cycle(u64),
+    /// The state after the last cycle is in a queue of its own.
+    State(u64),
+    /// Inputs found no room.
+    Gap,
     Fault(Reason),
 }
 
@@ -42,6 +48,11 @@ enum Input {
 pub struct Journal {
     inputs: Producer<Input>,
     commands: Producer<ActuatorCommand>,
+    states: Producer<Vec<u64>>,
+    rooms: Consumer<Vec<u64>>,
+    /// When the last state was written `[ns]`.
+    state_ns: u64,
+    has_gap: bool,
     faults: u64,
     lost: u64,
 }
@@ -67,13 +78,24 @@ impl Journal {
         if self.commands.push(*command).is_ok() {
             self.push(Input::Command(t));
         } else {
-            self.lost += 1;
+            (self.lost, self.has_gap) = (self.lost + 1, true);
         }
     }
 
-    /// Adds a cycle, after the bridge has run it.
-    pub fn cycle(&mut self, t: u64, bridge: &Bridge) {
-        self.push(Input::Cycle(t, After::cycle_of(bridge)));
+    /// Adds a cycle, after the bridge has run it, and once a second the bridge's state.
+    pub fn cycle(&mut self, t: u64, bridge: &mut Bridge) {
+        self.push(Input::Cycle(t));
+        if self.has_gap && self.inputs.push(Input::Gap).is_ok() {
+            (self.has_gap, self.state_ns) = (false, 0);
+        }
+        if t.saturating_sub(self.state_ns) >= STATE_NS
+            && let Ok(mut room) = self.rooms.pop()
+            && bridge.save(&mut room)
+            && self.states.push(room).is_ok()
+        {
+            self.state_ns = t;
+            self.push(Input::State(t));
+        }
         let (faults, last) = bridge.faults();
         if let (true, Some((_, reason))) = (faults != self.faults, last) {
             self.faults = faults;
@@ -88,7 +110,9 @@ impl Journal {
     }
 
     fn push(&mut self, input: Input) {
-        self.lost += u64::from(self.inputs.push(input).is_err());
+        let is_lost = self.inputs.push(input).is_err();
+        self.lost += u64::from(is_lost);
+        self.has_gap |= is_lost;
     }
 }
 
@@ -96,6 +120,8 @@ impl Journal {
 pub struct JournalWriter {
     inputs: Consumer<Input>,
     commands: Consumer<ActuatorCommand>,
+    states: Consumer<Vec<u64>>,
+    rooms: Producer<Vec<u64>>,
     configuration: Configuration,
     faults: Option<(FaultFiles, FaultLog)>,
     log: Option<BufWriter<File>>,
@@ -103,24 +129,40 @@ pub struct JournalWriter {
     written: io::Result<u64>,
 }
 
-/// Both ends, for the files of faults, a log of everything, or both. `configuration` needs no
-/// motors.
+/// Both ends for the inputs of a bridge: for the files of faults, a log of everything, or both.
 ///
 /// # Errors
 /// The log cannot be created.
 pub fn journal(
     faults: Option<FaultFiles>,
     log: Option<&Path>,
-    configuration: Configuration,
+    bridge: &mut Bridge,
 ) -> io::Result<(Journal, JournalWriter)> {
     let log = log.map(File::create).transpose()?.map(BufWriter::new);
     let (inputs, taken_inputs) = RingBuffer::new(ROOM);
     let (commands, taken_commands) = RingBuffer::new(COMMANDS);
-    let journal = Journal { inputs, commands, faults: 0, lost: 0 };
+    let (states, taken_states) = RingBuffer::new(STATES);
+    let (mut given_rooms, rooms) = RingBuffer::new(STATES);
+    for _ in 0..STATES {
+        // as many as there is room for
+        let _ = given_rooms.push(bridge.room());
+    }
+    let journal = Journal {
+        inputs,
+        commands,
+        states,
+        rooms,
+        state_ns: 0,
+        has_gap: false,
+        faults: 0,
+        lost: 0,
+    };
     let writer = JournalWriter {
         inputs: taken_inputs,
         commands: taken_commands,
-        configuration,
+        states: taken_states,
+        rooms: given_rooms,
+        configuration: bridge.configuration().without_motors(),
         faults: faults.map(|files| (files, FaultLog::default())),
         log,
         written: Ok(0),
@@ -148,7 +190,6 @@ impl JournalWriter {
     }
 
     fn take(&mut self, input: Input) {
-        let mut after_cycle = None;
         let (t, what) = match input {
             Input::Frame(t, bus, frame) => (t, What::Frame(bus, frame)),
             Input::Event(t, bus, event) => (t, What::Event(bus, event)),
@@ -157,9 +198,21 @@ impl JournalWriter {
                 Ok(command) => (t, What::Command(Box::new(command))),
                 Err(_) => return,
             },
-            Input::Cycle(t, after) => {
-                after_cycle = Some(after);
-                (t, What::Cycle)
+            Input::Cycle(t) => (t, What::Cycle),
+            Input::State(t) => {
+                let Ok(words) = self.states.pop() else { return };
+                let room = match &mut self.faults {
+                    Some((_, kept)) => kept.state(t, words),
+                    None => Some(words),
+                };
+                let _ = room.map(|room| self.rooms.push(room));
+                return;
+            }
+            Input::Gap => {
+                if let Some((_, kept)) = &mut self.faults {
+                    kept.lose().for_each(|room| drop(self.rooms.push(room)));
+                }
+                return;
             }
             Input::Fault(reason) => return self.write_fault(reason),
         };
@@ -172,9 +225,6 @@ impl JournalWriter {
         }
         if let Some((_, kept)) = &mut self.faults {
             kept.push(line);
-            if let Some(after) = after_cycle {
-                kept.after(after);
-            }
         }
     }
 
@@ -183,7 +233,8 @@ impl JournalWriter {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         match files.write(since.as_millis(), reason, kept, &self.configuration) {
             Ok(path) => {
-                say(format_args!("{}: what led to it is in {}", reason.name(), path.display()))
+                let name = reason.name();
+                say(format_args!("{name}{}: what led to it is in {}", cure(reason), path.display()))
             }
             Err(error) => say(format_args!(
                 "{}: what led to it cannot be written to {}: {error}",
@@ -191,5 +242,16 @@ impl JournalWriter {
                 files.folder().display()
             )),
         }
+    }
+}
+
+/// The remedy of a fault of this program itself.
+fn cure(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Stalled => {
+            " (this program did not get to run in time; CAP_SYS_NICE or LimitRTPRIO give it \
+                SCHED_FIFO, see `wake` in `sarrus-can top`)"
+        }
+        _ => "",
     }
 }

@@ -1,8 +1,8 @@
 //! The last positions of motors, kept in a file from one start of a bridge to the next: a motor
 //! that lost its zero meanwhile is recognised.
 //!
-//! A file belongs to the motors, by the channels of their buses and their identifiers, whatever the
-//! bridge's name is: `NAME POSITION` in rad at the motor's own shaft, one line each. Motors behind
+//! A file belongs to the motors, by the channels of their buses and their identifiers, for any name
+//! of the bridge: `NAME POSITION` in rad at the motor's own shaft, one line each. Motors behind
 //! pseudo-terminals and virtual buses are simulated and begin anew: they have none.
 
 use std::fmt::Write as _;

@@ -83,6 +83,10 @@ impl Rules {
 
     fn cycle(&mut self, now: u64) {
         for (bus, end) in self.ends.iter_mut().enumerate() {
+            if end.is_late() {
+                self.journal.event(now, bus, BusEvent::Late);
+                self.bridge.bus_event(now, bus, BusEvent::Late);
+            }
             for (at_ns, heard) in end.heard() {
                 match heard {
                     Heard::Frame(frame) => {
@@ -107,7 +111,7 @@ impl Rules {
             self.bridge.command(now, &command);
         }
         self.bridge.cycle(now);
-        self.journal.cycle(now, &self.bridge);
+        self.journal.cycle(now, &mut self.bridge);
         self.positions.iter().for_each(|positions| positions.note(&self.bridge));
         let number = self.bridge.counters().cycles;
         for (bus, end) in self.ends.iter_mut().enumerate() {

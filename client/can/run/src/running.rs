@@ -67,7 +67,6 @@ pub fn prepare(
 
     let loads = bus_load::loads(&configuration);
     let fingerprint = configuration.fingerprint;
-    let without_motors = configuration.without_motors();
     let usual = FaultFiles::usual_folder(|name| std::env::var_os(name));
     let positions = Positions::new(&usual.with_file_name("positions"), &configuration);
     let mut bridge = Bridge::new(configuration);
@@ -84,7 +83,7 @@ pub fn prepare(
     let folder = settings.fault_log.clone().unwrap_or(usual);
     let files = FaultFiles::new(folder, name.as_str());
     let log = settings.log.as_deref();
-    let (journal, writer) = journal(Some(files), log, without_motors).map_err(|error| {
+    let (journal, writer) = journal(Some(files), log, &mut bridge).map_err(|error| {
         format!("{}: {error}", log.map_or("the log".into(), |path| path.to_string_lossy()))
     })?;
     let telemetry = Telemetry::new(&bridge, &loads, std::process::id(), now_ns())

@@ -3,6 +3,7 @@
 use super::counters::BusCounters;
 use crate::event::BusState;
 use crate::frame::{Frame, FrameQueue};
+use crate::state::state;
 
 /// Room for frames of one motor in one cycle.
 pub(super) const FRAMES_PER_MOTOR: usize = 8;
@@ -57,3 +58,7 @@ impl Bus {
         self.queue.frames().contains(frame) || self.sent.frames().contains(frame)
     }
 }
+
+state!(Bus {
+    queue, sent, next, state, backlog; members, has_power, is_synchronous, sync, counters
+});

@@ -1,5 +1,7 @@
 //! The damper of a motor that follows torques, at the bridge's rate.
 
+use crate::state::state;
+
 /// Watches a damper at the bridge's rate, and weakens it until it damps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chatter {
@@ -52,3 +54,5 @@ impl Chatter {
         self.gain
     }
 }
+
+state!(Chatter { gain, peaks, last, n_cycles });

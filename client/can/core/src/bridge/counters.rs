@@ -4,37 +4,6 @@ use sarrus_proto::counts::{BusCounts, CommandCounts};
 
 use crate::event::BusEvent;
 
-/// The stage of a bridge after a cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Progress {
-    /// No mechanism has power or arms.
-    #[default]
-    Idle,
-    /// Some mechanism arms.
-    Arming,
-    /// Some have power, none arms.
-    Powered,
-}
-
-/// The bridge's state at a gap of a log: a bit for each actuator,
-/// by its place in u.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bookmark {
-    /// Its mechanism arms, or has power.
-    pub live: u64,
-    /// Its mechanism is in fault.
-    pub fault: u64,
-    /// Its motor is known to answer in time.
-    pub in_time: u64,
-}
-
-impl Default for Bookmark {
-    /// Every mechanism with power continues.
-    fn default() -> Bookmark {
-        Bookmark { live: u64::MAX, fault: 0, in_time: 0 }
-    }
-}
-
 /// Counts of the bridge since its start, and the newest times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -64,7 +33,10 @@ pub struct BusCounters {
 impl BusCounters {
     pub(super) fn add(&mut self, event: BusEvent) {
         match event {
-            BusEvent::ErrorActive | BusEvent::ErrorWarning | BusEvent::Backlog(_) => {}
+            BusEvent::ErrorActive
+            | BusEvent::ErrorWarning
+            | BusEvent::Backlog(_)
+            | BusEvent::Late => {}
             BusEvent::ErrorPassive => self.counts.passive += 1,
             BusEvent::BusOff => self.counts.off += 1,
             BusEvent::Restarted => self.restarted += 1,

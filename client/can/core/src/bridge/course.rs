@@ -1,5 +1,7 @@
 //! The motion that a mechanism with power gives its motors in one cycle.
 
+use crate::state::state;
+
 /// Part of the greatest effort with which an actuator returns inside its limits.
 pub(super) const RETURN_EFFORT: f64 = 0.5;
 
@@ -51,3 +53,5 @@ pub(super) struct Reference {
     /// velocity, which no load within the effort's limit reaches against the damper `[rad/s, m/s]`.
     pub(super) away: f64,
 }
+
+state!(Reference { position, velocity, speed, gain, load, away });

@@ -6,6 +6,7 @@ use super::course::Course;
 use super::motor::Motor;
 use super::reaction::Reaction;
 use crate::config::{MechanismStop, StopFunction};
+use crate::state::{state, state_of_enum};
 
 /// Part of a stop's time in which the velocity goes to zero along a ramp.
 const RAMP: f64 = 1.0 / 3.0;
@@ -396,3 +397,11 @@ impl Mechanism {
         Some(change)
     }
 }
+
+state_of_enum!(Phase {
+    Off, Waiting, Starting, Following(u64), Damped(u64), Stopping(Option<u64>)
+});
+state!(Mechanism {
+    state, reason, phase, armed_ns, end, moved_ns, is_disarmed, returns;
+    motors, given, stop, has_rest
+});

@@ -10,7 +10,6 @@
 //! STOPPING, then DISABLED or FAULT. Nothing ever arms by itself.
 
 mod assess;
-mod bookmark;
 mod bus;
 mod chatter;
 mod counters;
@@ -24,6 +23,7 @@ mod reaction;
 mod report;
 mod rest;
 mod setpoint;
+mod snapshot;
 mod stop;
 #[cfg(test)]
 mod tests;
@@ -31,15 +31,15 @@ mod transitions;
 mod verdict;
 mod whereabouts;
 
-pub use counters::{Bookmark, BusCounters, Counters, Progress};
+pub use counters::{BusCounters, Counters};
 pub use sarrus_proto::counts::CommandVerdict;
 
 pub use crate::event::{BusEvent, BusState};
 
-use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, MechanismState, Reason, flag};
+use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason, flag};
 
 use crate::config::{Commissioning, Configuration};
-use crate::drive::{DriveCommand, Receipt};
+use crate::drive::{DriveCommand, Power, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::{Bus, FRAMES_PER_MOTOR};
 use course::Course;
@@ -72,9 +72,6 @@ pub struct Bridge {
     /// Since when a reset of each mechanism is under way `[ns]`.
     reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
-    /// Length of the gaps of a log `[ns]`, and whether one ended since the last cycle.
-    skipped_ns: u64,
-    resumes: bool,
     state: ActuatorState,
     counters: Counters,
     faults: u64,
@@ -92,8 +89,8 @@ impl Bridge {
             Bus::new(places, members.find_map(|(_, motor)| motor.drive.sync()))
         });
         let buses = buses.collect();
-        let (period_ns, feedback_ns) =
-            (configuration.period_ns(), configuration.timeouts.feedback_ns);
+        let period_ns = configuration.period_ns();
+        let feedback_ns = configuration.feedback_ns();
         let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
             .into_iter()
             .map(|motor| {
@@ -137,8 +134,6 @@ impl Bridge {
             commanded: false,
             reset_ns,
             last_cycle_ns: None,
-            skipped_ns: 0,
-            resumes: false,
             state,
             counters: Counters::default(),
             faults: 0,
@@ -189,7 +184,7 @@ impl Bridge {
     }
 
     /// Takes an event of a bus.
-    pub fn bus_event(&mut self, _now_ns: u64, bus: usize, event: BusEvent) {
+    pub fn bus_event(&mut self, now_ns: u64, bus: usize, event: BusEvent) {
         let Some(of_bus) = self.buses.get_mut(bus) else { return };
         of_bus.counters.add(event);
         match event {
@@ -199,6 +194,11 @@ impl Bridge {
             BusEvent::BusOff => of_bus.state = BusState::Off,
             BusEvent::Backlog(frames) => of_bus.backlog = frames,
             BusEvent::Dropped(_) | BusEvent::Overrun(_) => {}
+            BusEvent::Late => {
+                let period_ns = self.configuration.period_ns();
+                let of_bus = self.motors.iter_mut().filter(|motor| motor.config.bus == bus);
+                of_bus.for_each(|motor| motor.excuse(now_ns, period_ns));
+            }
         }
         if matches!(event, BusEvent::BusOff | BusEvent::Restarted) {
             self.motors
@@ -228,19 +228,23 @@ impl Bridge {
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
         self.buses.iter_mut().for_each(Bus::begin);
-        self.go_on();
 
         // failures since the last cycle
         if gap_ns > self.configuration.timeouts.disable_ns {
             self.mechanisms.iter_mut().for_each(|mechanism| mechanism.torque_off(Reason::Stalled));
         }
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        let feedback_ns = self.configuration.feedback_ns();
+        // a deadline was missed
+        let period_ns = self.configuration.period_ns();
+        if gap_ns > 2 * period_ns {
+            self.motors.iter_mut().for_each(|motor| motor.own_late_ns += gap_ns - period_ns);
+        }
         for motor in &mut self.motors {
             motor.is_silent = motor.is_stale(now_ns, feedback_ns);
             motor.ask_drive();
         }
         self.assess_mechanisms(now_ns);
-        self.look_for_faults();
+        self.look_for_faults(now_ns);
         self.look_at_measurements(now_ns);
         self.motors.iter_mut().for_each(Motor::forget_if_silent);
 
@@ -308,8 +312,16 @@ impl Bridge {
                 };
                 motor.config.drive.cycle(now_ns, command, &mut bus.queue);
             }
-            motor.ask_drive();
-            motor.ask(bus.queue.frames().len() - n_before);
+            // one that keeps its power is asked before the rules of the next cycle
+            let keeps_power = course.is_some_and(|course| course != Course::QuickStop);
+            if !keeps_power || motor.drive.power != Power::On {
+                motor.ask_drive();
+            }
+            let mut n_frames = bus.queue.frames().len() - n_before;
+            if n_frames > 1 {
+                n_frames -= motor.heartbeats(bus.queue.frames().get(n_before..));
+            }
+            motor.ask(n_frames);
         }
         for bus in &mut self.buses {
             bus.queue.push_some(bus.sync.filter(|_| bus.is_synchronous));
@@ -319,18 +331,6 @@ impl Bridge {
     /// How many faults there were since the start, and the mechanism and reason of the last one.
     pub fn faults(&self) -> (u64, Option<(usize, Reason)>) {
         (self.faults, self.last_fault)
-    }
-
-    /// How far the bridge is, for a log of its inputs.
-    pub fn progress(&self) -> Progress {
-        let mut mechanisms = self.mechanisms.iter();
-        if mechanisms.any(|mechanism| mechanism.state == MechanismState::Arming) {
-            Progress::Arming
-        } else if self.mechanisms.iter().any(Mechanism::is_live) {
-            Progress::Powered
-        } else {
-            Progress::Idle
-        }
     }
 
     /// The frames of the last cycle for a bus, in the order of sending. Drop frames that cannot be

@@ -12,6 +12,7 @@ use crate::drive::{DriveState, Measurement, Mode, Pairing, Watchdog};
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 use crate::protocol::fault;
+use crate::state::{State, Words, state};
 
 /// A motor.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub(super) struct Motor {
     pub(super) mechanism: usize,
     /// Its drive's state when it was last polled in this cycle.
     pub(super) drive: DriveState,
+    /// Its drive answers each request with one measurement, in this cycle.
+    pub(super) is_paired: bool,
     /// It waits for a frame of all motors of its bus.
     pub(super) is_synchronous: bool,
     /// Its last measurement is so old that it counts as silent in this cycle.
@@ -30,6 +33,8 @@ pub(super) struct Motor {
     pub(super) velocity: f64,
     /// When it last measured `[ns]`.
     pub(super) measured_ns: Option<u64>,
+    /// How long this bridge itself was late since then `[ns]`.
+    pub(super) own_late_ns: u64,
     /// Its last answer was not one of its frames.
     pub(super) is_malformed: bool,
     /// It answers; its drive has state to forget.
@@ -60,8 +65,9 @@ pub(super) struct Motor {
     /// The positions from which it can stop at any allowed speed.
     pub(super) free: [f64; 2],
     pub(super) noise: Noise,
-    /// The phase of its dither, in turns.
+    /// The phase of its dither, in turns, and whether its last set-point swung by all of it.
     pub(super) phase: f64,
+    pub(super) is_dithered: bool,
     /// How long it has been at rest, without power, and where it was trusted.
     pub(super) rest: Rest,
     pub(super) whereabouts: Whereabouts,
@@ -69,9 +75,11 @@ pub(super) struct Motor {
     pub(super) lasting: u32,
     pub(super) chatter: Chatter,
     pub(super) monitors: Monitors,
-    /// The last measurement that the monitors saw, and when it came `[ns]`.
+    /// The last measurement that the monitors saw, when it came `[ns]`, and how much older it may
+    /// be `[s]`.
     pub(super) before: ActuatorMeasurement,
     pub(super) seen_ns: Option<u64>,
+    pub(super) late_before: f64,
     /// The last two set-points, and the stiffness before the last one's effort was limited.
     pub(super) asked: [ActuatorSetpoint; 2],
     pub(super) stiffness: f64,
@@ -96,12 +104,14 @@ impl Motor {
             monitors: Monitors::new(&config, period_ns, feedback_ns),
             drive: config.drive.state(),
             is_synchronous: config.drive.sync().is_some(),
+            is_paired: false,
             is_silent: true,
             mechanism,
             config,
             measured: ActuatorMeasurement::NONE,
             velocity: 0.0,
             measured_ns: None,
+            own_late_ns: 0,
             is_malformed: false,
             is_known: false,
             sent_ns: None,
@@ -119,12 +129,14 @@ impl Motor {
             free,
             noise: Noise::default(),
             phase: 0.0,
+            is_dithered: false,
             rest: Rest::default(),
             whereabouts: Whereabouts::default(),
             lasting: if is_blind { flag::FROZEN_UNDETECTABLE } else { 0 },
             chatter: Chatter::default(),
             before: ActuatorMeasurement::NONE,
             seen_ns: None,
+            late_before: 0.0,
             asked: [ActuatorSetpoint::default(); 2],
             stiffness: 0.0,
         }
@@ -135,26 +147,54 @@ impl Motor {
         if !measured.position.is_finite() {
             return None;
         }
+        let reply_ns = self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent));
+        // only motors that wait for a common frame answer in parts
+        let now_ns = match self.is_synchronous {
+            true => self.config.drive.position_ns().unwrap_or(now_ns),
+            false => now_ns,
+        };
         let before = self.measured.position;
         self.measured = self.config.mapping.to_actuator(measured);
         self.velocity = match self.measured_ns {
             _ if self.measured.velocity.is_finite() => self.measured.velocity,
+            // by the longest time that may have passed, which frames in a burst do not shorten
             Some(last) if before.is_finite() && now_ns > last => {
-                (self.measured.position - before) / ((now_ns - last) as f64 * 1e-9)
+                let elapsed = (now_ns - last) as f64 * 1e-9 + self.monitors.punctual.late;
+                (self.measured.position - before) / elapsed
             }
             Some(_) => self.velocity,
             None => 0.0,
         };
-        (self.measured_ns, self.is_known, self.is_malformed) = (Some(now_ns), true, false);
-        if self.is_paired() {
+        if let Some(last) = self.measured_ns {
+            let elapsed = now_ns.saturating_sub(last) as f64 * 1e-9;
+            self.monitors.punctual.take(elapsed);
+        }
+        (self.measured_ns, self.own_late_ns) = (Some(now_ns), 0);
+        (self.is_known, self.is_malformed) = (true, false);
+        if self.is_paired {
             self.monitors.age.take(now_ns);
             self.monitors.answers.take();
         }
-        self.sent_ns.take().map(|sent| now_ns.saturating_sub(sent))
+        reply_ns
     }
 
     pub(super) fn is_stale(&self, now_ns: u64, feedback_ns: u64) -> bool {
         self.measured_ns.is_none_or(|measured| now_ns.saturating_sub(measured) > feedback_ns)
+    }
+
+    /// Why it counts as silent: by itself, or mostly because the bridge did not ask or hear it.
+    pub(super) fn silence(&self, now_ns: u64) -> Reason {
+        let silent_ns = self.measured_ns.map_or(u64::MAX, |at| now_ns.saturating_sub(at));
+        match self.own_late_ns > silent_ns / 2 {
+            true => Reason::Stalled,
+            false => Reason::FeedbackStale,
+        }
+    }
+
+    /// The bridge could not hear it for this time `[ns]`.
+    pub(super) fn excuse(&mut self, now_ns: u64, late_ns: u64) {
+        self.own_late_ns += late_ns;
+        self.monitors.age.excuse(now_ns);
     }
 
     /// The motor's fault, or the bridge's own finding in its answers; 0 without either.
@@ -176,11 +216,6 @@ impl Motor {
         }
     }
 
-    /// Its drive answers each request with one measurement.
-    pub(super) fn is_paired(&self) -> bool {
-        self.config.drive.pairing() == Pairing::Paired
-    }
-
     /// An operator confirms its position.
     pub(super) fn confirm(&mut self) {
         if let Some(measured_ns) = self.measured_ns {
@@ -196,26 +231,6 @@ impl Motor {
     /// Its position, as last reported.
     pub(super) fn place(&self) -> f64 {
         if self.measured.position.is_finite() { self.measured.position } else { self.hold }
-    }
-
-    /// Goes over a time that a log leaves out.
-    pub(super) fn resume_log(&mut self, is_in_time: bool) {
-        if is_in_time {
-            self.monitors.age.believe();
-            self.monitors.answers.forgive();
-        }
-        self.sent_ns = None;
-        self.monitors.begin();
-        // nothing is compared over the gap
-        self.whereabouts = Whereabouts::default();
-        (self.seen_ns, self.before) = (self.measured_ns, ActuatorMeasurement::NONE);
-        self.is_asked_nothing();
-        self.hold();
-    }
-
-    /// It followed commands meanwhile, as far as its limits go.
-    pub(super) fn resume_from(&mut self, desired: f64) {
-        self.last_position = desired.max(self.config.limits.lower).min(self.config.limits.upper);
     }
 
     /// Begins to follow from where it is.
@@ -281,5 +296,20 @@ impl Motor {
         }
         let of_bus = self.monitors.check_bus(now_ns, BusState::Active);
         of_bus.or_else(|| (!self.rest.is_long_enough()).then_some(Reason::Moving))
+    }
+}
+
+state!(Motor {
+    config, drive, is_paired, is_silent, measured, velocity, measured_ns, own_late_ns,
+    is_malformed, is_known, sent_ns, flags, hold, deflection, last_position, last_effort,
+    last_total, gravity, stop, noise, phase, is_dithered, rest, whereabouts, lasting, chatter,
+    monitors, before, seen_ns, late_before, asked, stiffness;
+    mechanism, is_synchronous, stop_damping, most_damping, braking, free
+});
+
+/// The drive alone changes.
+impl State for MotorConfig {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        self.drive.carry(words);
     }
 }

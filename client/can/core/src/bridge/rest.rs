@@ -4,6 +4,7 @@
 //! hundredth of its greatest speed, and reports no speed beyond that one.
 
 use crate::mapping::ActuatorMeasurement;
+use crate::state::state;
 
 /// Time at rest before power `[s]`.
 pub(super) const REST: f64 = 0.1;
@@ -41,3 +42,5 @@ impl Rest {
         self.until_ns.saturating_sub(self.since_ns) >= (REST * 1e9) as u64
     }
 }
+
+state!(Rest { position, since_ns, until_ns });

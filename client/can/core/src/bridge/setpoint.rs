@@ -74,6 +74,7 @@ impl Motor {
         let setpoint = self.within_effort(setpoint, velocity, part);
         (self.last_position, self.last_effort) = (setpoint.position, setpoint.effort);
         if self.config.dither > 0.0 {
+            self.is_dithered = course == Course::Follow(1.0);
             match self.config.common.mode {
                 Mode::Position => self.last_position -= swing,
                 _ => self.last_effort -= swing,

@@ -10,7 +10,7 @@ use crate::drive::Power;
 
 impl Bridge {
     /// Motors that fail bring their mechanism, or the robot, to FAULT.
-    pub(super) fn look_for_faults(&mut self) {
+    pub(super) fn look_for_faults(&mut self, now_ns: u64) {
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get(i) else { continue };
             let number = motor.mechanism;
@@ -23,7 +23,7 @@ impl Bridge {
             let reason = if drive.fault != 0 {
                 Reason::MotorFault
             } else if motor.is_silent {
-                Reason::FeedbackStale
+                motor.silence(now_ns)
             } else if let Some(reason) = motor.config.wrong_watchdog(drive.watchdog) {
                 reason
             } else if mechanism.needs_power() && drive.power != Power::On {

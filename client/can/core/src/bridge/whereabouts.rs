@@ -8,6 +8,7 @@
 //! confirms it; nothing is armed before.
 
 use crate::mapping::ActuatorMeasurement;
+use crate::state::state;
 
 /// The last position that was trusted, and whether the newest one is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,7 +20,7 @@ pub(super) struct Whereabouts {
     is_from_jump: bool,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Place {
     measured_ns: u64,
     position: f64,
@@ -83,3 +84,6 @@ impl Whereabouts {
         }
     }
 }
+
+state!(Whereabouts { trusted, is_elsewhere, is_from_jump });
+state!(Place { measured_ns, position, speed });

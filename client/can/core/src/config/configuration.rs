@@ -62,7 +62,8 @@ pub struct Timeouts {
     pub damping_ns: u64,
     /// T2: commands older than this bring a stop `[ns]`.
     pub disable_ns: u64,
-    /// A motor that has not measured for this time has failed `[ns]`.
+    /// A motor that has not measured for this time has failed `[ns]`; see
+    /// [`Configuration::feedback_ns`].
     pub feedback_ns: u64,
     /// Arming that takes longer has failed `[ns]`.
     pub arming_ns: u64,
@@ -246,9 +247,19 @@ impl Configuration {
         self.actuators.iter().position(|known| known == name)
     }
 
+    /// Cycles without an answer that are no silence: of frames lost with 2 % in each direction, so
+    /// many in a row come once in 10¹¹ cycles.
+    const LEAST_CYCLES: u64 = 8;
+
     /// Time between two cycles `[ns]`.
     pub fn period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64
+    }
+
+    /// A motor that has not measured for this time has failed: `feedback_ms`, and at least so many
+    /// cycles that lost frames of a sound bus are no silence `[ns]`.
+    pub fn feedback_ns(&self) -> u64 {
+        self.timeouts.feedback_ns.max(Self::LEAST_CYCLES * self.period_ns())
     }
 
     /// A copy without its motors, whose drives belong to one bridge. Allocates.

@@ -35,7 +35,13 @@ pub(super) const MECHANISM: &[Key] = &[
 pub(super) const TIMEOUTS: &[Key] = &[
     Key::number("damping_ms", 0.1, 10_000.0, "T1: older commands bring damping").or("20"),
     Key::number("disable_ms", 0.1, 60_000.0, "T2: older commands bring a stop").or("100"),
-    Key::number("feedback_ms", 0.1, 10_000.0, "a motor silent for longer has failed").or("20"),
+    Key::number(
+        "feedback_ms",
+        0.1,
+        10_000.0,
+        "a motor silent for longer, at least 8 cycles, has failed",
+    )
+    .or("20"),
     Key::number("arming_ms", 1.0, 60_000.0, "arming that takes longer has failed").or("2000"),
 ];
 pub(super) const MODEL: &[Key] = &[

@@ -22,6 +22,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
+use crate::state::{State, Words, state};
 use sarrus_models::Diagnostics;
 
 /// T-Motor AK in servo mode.
@@ -97,6 +98,10 @@ impl AkServo {
 }
 
 impl Drive for AkServo {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        State::carry(self, words);
+    }
+
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.is_known && self.state().fault == 0;
         let torque = match self.power_up.action(command, is_ready) {
@@ -181,3 +186,7 @@ impl Drive for AkServo {
         true
     }
 }
+
+state!(AkServo {
+    power_up, is_known, is_outside, fault; id, upload, torque_limit, constant, speed
+});

@@ -10,6 +10,7 @@ use super::number::limited;
 use super::scale::Scale;
 use super::turns::Turns;
 use crate::drive::{Measurement, Mode, Receipt, Setpoint};
+use crate::state::state;
 
 /// A motor with coded numbers: its set-points, and its position unwrapped beyond the range.
 #[derive(Clone, Copy, Debug)]
@@ -138,6 +139,8 @@ impl Codes {
         }
     }
 }
+
+state!(Coded { turns, measured, odd; codes, common });
 
 #[cfg(test)]
 mod tests {

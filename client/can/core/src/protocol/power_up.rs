@@ -12,6 +12,7 @@
 
 use super::fault;
 use crate::drive::{DriveCommand, Power, Setpoint};
+use crate::state::{state, state_of_enum};
 
 /// The stage; each one waits for the motor's reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,6 +178,9 @@ impl PowerUp {
         Action::Idle(self.n_idle)
     }
 }
+
+state!(PowerUp { stage, n_idle; first });
+state_of_enum!(Stage { Off, Primed, Asked(u8), On, Lost });
 
 #[cfg(test)]
 mod tests {

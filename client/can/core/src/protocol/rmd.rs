@@ -27,6 +27,7 @@ use crate::drive::{
     Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
+use crate::state::{State, Words, state};
 use sarrus_models::Diagnostics;
 
 /// MyActuator RMD.
@@ -148,6 +149,10 @@ impl Rmd {
 }
 
 impl Drive for Rmd {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        State::carry(self, words);
+    }
+
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.is_known && self.fault == 0;
         match self.power_up.action(command, is_ready) {
@@ -272,3 +277,7 @@ impl Drive for Rmd {
         out.push_some(self.command(FAULTS));
     }
 }
+
+state!(Rmd {
+    watchdog, n_written, power_up, is_known, fault, asked_ns, sent, measured; id, constant, common
+});

@@ -2,6 +2,7 @@
 
 use super::fault;
 use crate::drive::Mode;
+use crate::state::state;
 
 /// Unwraps a code that wraps around.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +86,9 @@ impl Turns {
         self.code.whole().is_some_and(|whole| whole <= 0 || whole >= i64::from(u16::MAX))
     }
 }
+
+state!(Unwrapped { last; n_codes, longest });
+state!(Turns { code, uncounted });
 
 #[cfg(test)]
 mod tests {

@@ -423,7 +423,7 @@ fn frames_that_take_power_away_work_with_and_without_sync() {
 }
 
 #[test]
-fn the_heartbeat_goes_out_four_times_in_its_time() {
+fn the_heartbeat_goes_out_eight_times_in_its_time() {
     let mut drive = cia402(Mode::Torque);
     let mut beats = 0;
     for now_ms in 0..1000_u64 {
@@ -431,7 +431,7 @@ fn the_heartbeat_goes_out_four_times_in_its_time() {
         drive.cycle(now_ms * 1_000_000, DriveCommand::Off, &mut queue);
         beats += queue.frames().iter().filter(|frame| frame.to_string() == "77F#05").count();
     }
-    assert_eq!(beats, 77, "every 13 ms");
+    assert_eq!(beats, 143, "every 7 ms");
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod socketcan;
 
 use std::io;
 use std::os::fd::{BorrowedFd, OwnedFd};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -17,11 +17,15 @@ use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_core::config::BusConfig;
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::netlink::InterfaceError;
+use sarrus_client::now_ns;
 use thiserror::Error;
 
 pub use pseudo::Pseudo;
 pub use reconnecting::Reconnecting;
 pub use socketcan::interface;
+
+/// Input that is older when it is read has a time that is not believed.
+const OLDEST: Duration = Duration::from_secs(1);
 
 /// Time between two polls of a bus without a descriptor.
 pub const POLL: Duration = Duration::from_millis(1);
@@ -39,6 +43,12 @@ pub trait Bus: Send {
 
     /// The next frame or event that is already there.
     fn next(&mut self) -> Result<Option<Heard>, BusError>;
+
+    /// When the input of the last call of [`Bus::next`] came, by the monotonic clock, where the
+    /// system or the adapter tells `[ns]`.
+    fn heard_ns(&self) -> Option<u64> {
+        None
+    }
 
     /// Frames that were taken and are not on the wire yet, as far as the adapter reports them.
     fn backlog(&self) -> u32;
@@ -152,6 +162,13 @@ pub fn open(address: &Address) -> Result<Box<dyn Bus>, BusError> {
     }
 }
 
+/// A system's time of an event by the monotonic clock `[ns]`; `None` for a time that is not within
+/// the last second, as of a clock that was set meanwhile.
+pub fn monotonic_ns(at: SystemTime) -> Option<u64> {
+    let age = SystemTime::now().duration_since(at).ok()?;
+    (age <= OLDEST).then(|| now_ns().saturating_sub(age.as_nanos() as u64))
+}
+
 /// Makes this process the owner of an interface until the mark is dropped, also by its death. A
 /// serial port is locked when it is opened; the mark of others is a name in the abstract space of
 /// Unix sockets, which like CAN interfaces belongs to the network namespace.
@@ -196,5 +213,20 @@ pub fn wait_for(fds: &mut [PollFd<'_>], at_most: Duration) -> Result<bool, BusEr
         Ok(n) => Ok(n > 0),
         Err(rustix::io::Errno::INTR) => Ok(false),
         Err(error) => Err(BusError::Gone("the bus".to_owned(), error.into())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_a_clock_that_was_set_are_not_believed() {
+        let before = Duration::from_millis(10);
+        let at = monotonic_ns(SystemTime::now() - before).unwrap();
+        let age = now_ns() - at;
+        assert!((10_000_000..2_000_000_000).contains(&age), "{age}");
+        assert_eq!(monotonic_ns(SystemTime::now() - 2 * OLDEST), None);
+        assert_eq!(monotonic_ns(SystemTime::now() + before), None);
     }
 }

@@ -133,7 +133,7 @@ impl Bus for Pseudo {
             BusEvent::ErrorPassive => b"sp000130\r",
             BusEvent::BusOff => b"sb000255\r",
             BusEvent::Overrun(_) => b"e1o\r",
-            BusEvent::Dropped(_) | BusEvent::Backlog(_) => return Ok(false),
+            BusEvent::Dropped(_) | BusEvent::Backlog(_) | BusEvent::Late => return Ok(false),
         };
         self.off = match event {
             BusEvent::BusOff => true,

@@ -112,6 +112,10 @@ impl Bus for Reconnecting {
         Ok(self.news.take().map(Heard::Event))
     }
 
+    fn heard_ns(&self) -> Option<u64> {
+        self.port.as_ref().and_then(|port| port.heard_ns())
+    }
+
     fn backlog(&self) -> u32 {
         self.port.as_ref().map_or(0, |port| port.backlog())
     }

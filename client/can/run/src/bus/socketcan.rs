@@ -19,7 +19,7 @@ use sarrus_can_core::frame::{Frame, FrameKind, Id};
 use sarrus_can_core::netlink::{Interface, InterfaceError, error_events, question};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
-use super::{Address, Bus, BusError, Heard, Sent};
+use super::{Address, Bus, BusError, Heard, Sent, monotonic_ns};
 use crate::stderr::say;
 
 /// Bytes of `can_frame` and `canfd_frame`.
@@ -41,6 +41,8 @@ pub(super) struct SocketCan {
     socket: CanFdSocket,
     waiting: u32,
     lost: u32,
+    /// When the last input came by the kernel's clock `[ns]`.
+    heard_ns: Option<u64>,
     /// Events of the last error frame that are not given yet.
     events: [Option<BusEvent>; 3],
 }
@@ -53,6 +55,7 @@ impl SocketCan {
         let socket = CanFdSocket::open(name).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
         socket.set_recv_own_msgs(true).map_err(failed)?;
+        socket.set_recv_timestamp(true).map_err(failed)?;
         // the kernel may allow less; lost frames are counted
         let _ = set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER);
         // after the filter, so that no change of the state is missed
@@ -66,8 +69,16 @@ impl SocketCan {
             socket,
             waiting: 0,
             lost: 0,
+            heard_ns: None,
             events: [state, None, None],
         })
+    }
+
+    /// Takes the frame that was looked at from the queue, also one that the crate cannot read, and
+    /// notes the kernel's time of it.
+    fn take(&mut self) {
+        let times = self.socket.read_frame_with_timestamps().ok();
+        self.heard_ns = times.and_then(|(_, times)| monotonic_ns(times.socket?));
     }
 
     /// Frames that the receive buffer had no room for, since the last time.
@@ -120,12 +131,13 @@ impl Bus for SocketCan {
             if let Some(event) = self.events.iter_mut().find_map(Option::take) {
                 return Ok(Some(Heard::Event(event)));
             }
+            // looked at first: only this call tells echoes apart, and only that of the crate times
             let mut bytes = [0; FD];
             let received = recvmsg(
                 &self.socket,
                 &mut [IoSliceMut::new(&mut bytes)],
                 &mut RecvAncillaryBuffer::new(&mut []),
-                RecvFlags::DONTWAIT | RecvFlags::TRUNC,
+                RecvFlags::DONTWAIT | RecvFlags::TRUNC | RecvFlags::PEEK,
             );
             let message = match received {
                 Ok(message) => message,
@@ -141,6 +153,7 @@ impl Bus for SocketCan {
                 }
                 Err(error) => return Err(BusError::Gone(self.name.clone(), error.into())),
             };
+            self.take();
             if message.flags.bits() & CONFIRM != 0 {
                 self.waiting = self.waiting.saturating_sub(1);
                 continue;
@@ -157,6 +170,10 @@ impl Bus for SocketCan {
                 Decoded::Other => {}
             }
         }
+    }
+
+    fn heard_ns(&self) -> Option<u64> {
+        self.heard_ns
     }
 
     fn backlog(&self) -> u32 {
@@ -282,8 +299,14 @@ mod tests {
             socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None)
                 .unwrap();
         let socket = CanFdSocket::from(ours);
-        let mut bus =
-            SocketCan { name: "pair".to_owned(), socket, waiting: 0, lost: 0, events: [None; 3] };
+        let mut bus = SocketCan {
+            name: "pair".to_owned(),
+            socket,
+            waiting: 0,
+            lost: 0,
+            heard_ns: None,
+            events: [None; 3],
+        };
         for (class, event) in [(0x40_u32, BusEvent::BusOff), (0x100, BusEvent::Restarted)] {
             bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).unwrap();
             assert_eq!(bus.backlog(), 1);
@@ -296,6 +319,29 @@ mod tests {
         // and a bus whose other end is gone is gone
         drop(kernel);
         assert!(bus.send(&Frame::classic(Id::Standard(1), &[]).unwrap()).is_err());
+    }
+
+    #[test]
+    fn a_frame_has_the_time_at_which_the_kernel_received_it() {
+        use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
+        let (ours, kernel) =
+            socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::empty(), None)
+                .unwrap();
+        let socket = CanFdSocket::from(ours);
+        socket.set_recv_timestamp(true).unwrap();
+        let name = "pair".to_owned();
+        let mut bus =
+            SocketCan { name, socket, waiting: 0, lost: 0, heard_ns: None, events: [None; 3] };
+        let before = sarrus_client::now_ns();
+        let frame = Frame::classic(Id::Standard(1), &[7]).unwrap();
+        let mut bytes = [0; FD];
+        let used = encode(&frame, &mut bytes);
+        send(&kernel, &bytes[..used], SendFlags::empty()).unwrap();
+        assert_eq!(bus.next().unwrap(), Some(Heard::Frame(frame)));
+        let at = bus.heard_ns().unwrap();
+        // the two clocks are read one after the other
+        assert!(at + 1_000_000 >= before && at <= sarrus_client::now_ns(), "{before} {at}");
+        assert_eq!(bus.next().unwrap(), None);
     }
 
     #[test]

@@ -13,12 +13,6 @@ const MOTEUS: &str = "{protocol: moteus, id: 1, kp: 300, kd: 10";
 const CIA402: &str = "{protocol: cia402, node: 5, rated_torque: 2.0, counts_per_turn: 65536";
 const ODRIVE: &str = "{protocol: odrive, node: 3, torque_feedback: true";
 
-/// True where a log of a fault replays: the endpoints of an ODrive's watchdog are set and read long
-/// before it is armed, and its bridge does not arm again without them.
-pub(crate) fn has_whole_logs(drive: &str) -> bool {
-    !drive.contains("endpoint")
-}
-
 /// Drives by their names in the table.
 pub(crate) fn drives() -> Vec<(&'static str, String)> {
     vec![
@@ -146,7 +140,7 @@ pub(crate) fn recorded(drive: &str) -> World {
     prepared(World { record: Some(Record::default()), ..World::one(drive, "") }, drive)
 }
 
-fn prepared(mut world: World, drive: &str) -> World {
+pub(crate) fn prepared(mut world: World, drive: &str) -> World {
     assert!(world.arm().is_some(), "{drive}: {:?}", world.state(0));
     world.give(Setpoint { stiffness: 5.0, damping: 0.1, ..Setpoint::default() });
     world.cycles(50);

@@ -261,7 +261,6 @@ fn frozen_while_holding(drive: &str, noise: f64, more: &str) -> (Option<u64>, Re
     let flags = world.bridge.state().flags[0];
     let position = world.shafts[0].position;
     world.shafts[0].encoder = Encoder::Frozen { position, velocity_too: true };
-    world.shafts[0].is_frozen_code = true;
     let begin_ns = world.now_ns;
     while world.now_ns < begin_ns + 10_000 * MS && world.state(0).0 == MechanismState::Enabled {
         world.cycle();

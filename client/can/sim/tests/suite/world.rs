@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
 use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::fault_log::FaultLog;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::log::{self, Line, What};
 use sarrus_can_core::mapping::Mapping;
@@ -66,13 +67,15 @@ pub(crate) struct Shaft {
     pub(crate) torque: f64,
     pub(crate) inertia: f64,
     pub(crate) friction: f64,
+    /// Dry friction `[N m]`.
+    pub(crate) dry: f64,
     pub(crate) load: f64,
+    /// Step of its encoder; 0 where it is exact `[rad]`.
+    pub(crate) quantum: f64,
     pub(crate) is_blocked: bool,
     /// The motor's torque with any set-point.
     pub(crate) stuck: Option<f64>,
     pub(crate) encoder: Encoder,
-    /// A frozen encoder has no noise either.
-    pub(crate) is_frozen_code: bool,
     /// It reports a velocity of 0.
     pub(crate) hides_velocity: bool,
     pub(crate) temperature: f64,
@@ -86,12 +89,16 @@ pub(crate) struct Shaft {
 
 impl Shaft {
     fn sensed(&self) -> (f64, f64) {
+        let position = match self.quantum {
+            0.0 => self.position,
+            quantum => quantum * (self.position / quantum).round(),
+        };
         match self.encoder {
-            Encoder::True => (self.position, self.velocity),
-            Encoder::Reversed => (-self.position, -self.velocity),
+            Encoder::True => (position, self.velocity),
+            Encoder::Reversed => (-position, -self.velocity),
             Encoder::Frozen { position, velocity_too: false } => (position, self.velocity),
             Encoder::Frozen { position, velocity_too: true } => (position, 0.0),
-            Encoder::Off(by) => (self.position + by, self.velocity),
+            Encoder::Off(by) => (position + by, self.velocity),
         }
     }
 
@@ -105,21 +112,29 @@ impl Shaft {
         }
         let total = self.torque + self.load - self.friction * self.velocity;
         self.velocity += seconds * total / self.inertia;
+        let dry = (seconds * self.dry / self.inertia).min(self.velocity.abs());
+        self.velocity -= dry * self.velocity.signum();
         self.position += seconds * self.velocity;
     }
 
     /// Alters the next report of the motor: noise of so many codes on each number.
     fn say(&mut self, noise: f64, chance: &mut Chance) {
         let (position, velocity) = self.sensed();
-        let mut off = |step: f64| {
-            if noise == 0.0 { 0.0 } else { chance.within(-noise - 0.5, noise + 0.5).round() * step }
+        // a frozen number has no noise
+        let is_frozen = matches!(self.encoder, Encoder::Frozen { .. });
+        let is_all = matches!(self.encoder, Encoder::Frozen { velocity_too: true, .. });
+        let mut off = |step: f64, is_frozen: bool| {
+            if noise == 0.0 || is_frozen {
+                0.0
+            } else {
+                chance.within(-noise - 0.5, noise + 0.5).round() * step
+            }
         };
         let plant = &mut self.motor.plant;
-        let swing = off(self.steps.position);
-        plant.position = if self.is_frozen_code { position } else { position + swing };
+        plant.position = position + off(self.steps.position, is_frozen);
         plant.velocity = if self.hides_velocity { 0.0 } else { velocity };
-        plant.velocity += off(self.steps.velocity);
-        plant.torque = self.torque + off(self.steps.torque);
+        plant.velocity += off(self.steps.velocity, is_all);
+        plant.torque = self.torque + off(self.steps.torque, false);
         plant.temperature = self.temperature;
     }
 }
@@ -143,6 +158,19 @@ fn posing(frame: Frame, poses_as: Option<(Id, u8)>) -> Frame {
     Frame::classic(id, &data).unwrap_or(frame)
 }
 
+/// Gives a line to a bridge and to the log of its faults, with the bridge's state once a second.
+pub(crate) fn keep(bridge: &mut Bridge, log: &mut FaultLog, line: Line) {
+    let t = line.t;
+    let is_cycle = line.what == What::Cycle;
+    assert!(line.apply(bridge), "a state of another bridge");
+    log.push(line);
+    if is_cycle && log.is_due(t) {
+        let mut room = bridge.room();
+        assert!(bridge.save(&mut room));
+        drop(log.state(t, room));
+    }
+}
+
 pub(crate) struct World {
     pub(crate) bridge: Bridge,
     pub(crate) shafts: Vec<Shaft>,
@@ -156,6 +184,9 @@ pub(crate) struct World {
     pub(crate) noise: f64,
     /// Largest lateness of a cycle, and of an answer `[ns]`.
     pub(crate) jitter_ns: [u64; 2],
+    /// Until when every frame is lost, and until when answers are held back `[ns]`.
+    pub(crate) lost_until_ns: u64,
+    pub(crate) held_until_ns: u64,
     /// A frame of a second master in each cycle.
     pub(crate) intruder: Option<Frame>,
     /// Where it is recorded.
@@ -183,11 +214,12 @@ impl World {
                     torque: 0.0,
                     inertia: 0.011,
                     friction: 0.008,
+                    dry: 0.0,
                     load: 0.0,
+                    quantum: 0.0,
                     is_blocked: false,
                     stuck: None,
                     encoder: Encoder::True,
-                    is_frozen_code: false,
                     hides_velocity: false,
                     temperature: 30.0,
                     is_doubled: false,
@@ -212,6 +244,8 @@ impl World {
             loss: 0.0,
             noise: 0.0,
             jitter_ns: [0, 0],
+            lost_until_ns: 0,
+            held_until_ns: 0,
             intruder: None,
             record: None,
         }
@@ -235,8 +269,13 @@ impl World {
 
     /// The motors of a configuration.
     pub(crate) fn read(text: String) -> World {
+        World::read_beside(text, "")
+    }
+
+    /// As [`World::read`], beside a file of the motors' signals.
+    pub(crate) fn read_beside(text: String, file: &str) -> World {
         let surroundings = Surroundings {
-            file: &|_| Err("absent".into()),
+            file: &|_| Ok(file.into()),
             robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
         };
         let read = Configuration::read("bench.yml", text.into_bytes(), &surroundings);
@@ -262,7 +301,7 @@ impl World {
             sent.extend(self.intruder);
             let heard_ns = cycle_ns + THERE_NS;
             for frame in &sent {
-                if self.chance.within(0.0, 1.0) < self.loss {
+                if self.chance.within(0.0, 1.0) < self.loss || heard_ns < self.lost_until_ns {
                     continue;
                 }
                 self.shafts[i].say(self.noise, &mut self.chance);
@@ -299,10 +338,11 @@ impl World {
         for frame in out.frames() {
             let at_ns =
                 now_ns + BACK_NS + shaft.delay_ns + self.chance.within(0.0, back_ns as f64) as u64;
+            let at_ns = at_ns.max(self.held_until_ns);
             // a bus keeps the order
             let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
             for _ in 0..1 + usize::from(shaft.is_doubled) {
-                if self.chance.within(0.0, 1.0) >= self.loss {
+                if self.chance.within(0.0, 1.0) >= self.loss && now_ns >= self.lost_until_ns {
                     shaft.answers.push_back((at_ns, posing(*frame, shaft.poses_as)));
                 }
             }

@@ -61,6 +61,9 @@ MOST_RECEIVED = 256
 A babbling bus must not keep its thread from sending.
 """
 
+OLDEST = 1.0
+"""Frames that seem older when they are read have times of another clock `[s]`."""
+
 SILENCE = 2.0
 """Time after which an interface that neither takes nor gives frames is gone `[s]`."""
 
@@ -96,6 +99,8 @@ class Adapter(Protocol):
     """An open bus. Its calls block only if its interface does."""
 
     address: Address
+    age: float
+    """Seconds since the last of `receive` came, as far as the interface tells the time; else 0."""
 
     def send(self, frames: Sequence[Frame]) -> int:
         """Send frames in order until there is no room; give the number of dropped frames."""
@@ -108,6 +113,15 @@ class Adapter(Protocol):
 
     def close(self) -> None:
         """Close the bus."""
+
+
+def age_of(timestamp: float) -> float:
+    """Seconds since a time of the system's clock; 0 for one that is not within the last second.
+
+    Some interfaces count from another beginning than the system's clock.
+    """
+    age = time.time() - timestamp
+    return age if 0.0 <= age <= OLDEST else 0.0
 
 
 def open_bus(address: Address) -> Adapter:
@@ -226,7 +240,7 @@ class AnyAdapter:
     """A bus by python-can's own `send` and `recv`."""
 
     def __init__(self, address: Address) -> None:
-        self.address = address
+        self.address, self.age = address, 0.0
         self._heard = time.monotonic()
         self._ownership = Ownership(address)
         try:
@@ -293,7 +307,7 @@ class AnyAdapter:
                 raise self._gone(error) from error
             if message is None:
                 return
-            self._heard = time.monotonic()
+            self._heard, self.age = time.monotonic(), age_of(message.timestamp)
             if message.is_error_frame:
                 yield from events_of_error_frame(message.arbitration_id, bytes(message.data))
             elif (frame := of_message(message)) is not None:
@@ -425,8 +439,9 @@ def _fd_timing(bitrate: int, data_bitrate: int) -> can.BitTimingFd:
 _CLASSIC = struct.Struct("=IB3x8s")
 _FD = struct.Struct("=IBB2x64s")
 _MEMORY = struct.Struct("=9I")
+_TIME = struct.Struct("@ll")
 _EXTENDED, _REMOTE, _ERROR, _NUMBER = 1 << 31, 1 << 30, 1 << 29, (1 << 29) - 1
-_SO_MEMINFO, _MSG_CONFIRM = 55, 0x800
+_SO_TIMESTAMPNS, _SO_MEMINFO, _MSG_CONFIRM = 35, 55, 0x800
 _MOST_WAITING = 4096
 _LONGEST_ECHO = 1.0
 
@@ -451,6 +466,7 @@ class SocketcanAdapter(AnyAdapter):
             raise
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self._waiting = self._lost = 0
         self._echoed = 0.0
         return bus
@@ -495,7 +511,7 @@ class SocketcanAdapter(AnyAdapter):
         yield from news
         for _ in range(MOST_RECEIVED):
             try:
-                packed, _, flags, _ = self._socket.recvmsg(72)
+                packed, extra, flags, _ = self._socket.recvmsg(72, 64)
             except BlockingIOError:
                 break
             except OSError as error:
@@ -503,6 +519,11 @@ class SocketcanAdapter(AnyAdapter):
             if flags & _MSG_CONFIRM:
                 self._waiting, self._echoed = max(self._waiting - 1, 0), time.monotonic()
                 continue
+            self.age = 0.0
+            for level, kind, times in extra:
+                if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+                    seconds, nanoseconds = _TIME.unpack(times)
+                    self.age = age_of(seconds + 1e-9 * nanoseconds)
             layout = _FD if len(packed) == _FD.size else _CLASSIC
             number, length, *switch, data = layout.unpack(packed)
             if number & _ERROR:

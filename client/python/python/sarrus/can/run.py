@@ -38,6 +38,11 @@ class Tap:
         self._adapter, self._bus = adapter, bus
         self._recorder, self._dry_run = recorder, dry_run
 
+    @property
+    def age(self) -> float:
+        """The adapter's."""
+        return self._adapter.age
+
     def send(self, frames: Sequence[Frame]) -> int:
         """Send frames, then record the sent ones; a dry run records all of them."""
         dropped = 0 if self._dry_run else self._adapter.send(frames)

@@ -7,6 +7,7 @@ use super::effort::Contradiction;
 use super::evaluator::Pose;
 use super::linkage::Linkage;
 use super::tracker::Tracker;
+use crate::state::{State, Words, state_of_enum};
 
 /// Assessments between two retries of a mechanism that is lost for longer.
 const RARELY: u64 = 16;
@@ -152,5 +153,37 @@ impl Assessed {
         } else if is_beyond {
             self.fault = Some(Reason::MechanismLimit);
         }
+    }
+}
+
+state_of_enum!(Activity { Idle, Powered, Ramping, Following });
+
+impl State for Assessed {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        let Assessed {
+            linkage: _,
+            measured,
+            commanded,
+            activity,
+            bounds,
+            least_clearance,
+            // of one assessment
+            rates: _,
+            ahead: _,
+            clearance_ahead: _,
+            clearance_before,
+            contradiction,
+            fault,
+        } = self;
+        measured.carry(words);
+        commanded.carry(words);
+        activity.carry(words);
+        bounds.carry(words);
+        least_clearance.carry(words);
+        clearance_before.carry(words);
+        contradiction.carry(words);
+        let mut reason = fault.unwrap_or(Reason::None);
+        reason.carry(words);
+        *fault = (reason != Reason::None).then_some(reason);
     }
 }

@@ -9,6 +9,8 @@
 //! go through a filter of 5 ms, and the efforts through two of them, so that they are as late. In
 //! addition, half of the motion's forces may be wrong: rotors and friction are not in the model.
 
+use crate::state::state;
+
 /// Time constant of the filters `[s]`.
 const FILTER: f64 = 0.005;
 /// The efforts may contradict the model for this time `[ns]`.
@@ -57,3 +59,6 @@ impl Contradiction {
         now_ns.saturating_sub(since_ns) >= HOLD_NS
     }
 }
+
+state!(Filtered { value, rate });
+state!(Contradiction { since_ns });

@@ -1,6 +1,7 @@
 //! An encoder in addition to those of the motors.
 
 use crate::config::EncoderConfig;
+use crate::state::state;
 
 /// An encoder and its last report.
 #[derive(Debug)]
@@ -14,3 +15,5 @@ pub(super) struct Encoder {
     pub(super) measured_ns: Option<u64>,
     pub(super) contradictions: u32,
 }
+
+state!(Encoder { position, measured_ns, contradictions; config, place, mechanism });

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::state::state;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
 
 /// The robot at one pose.
@@ -140,3 +141,5 @@ impl Evaluator {
         self.motion.run(&self.model, &mut self.workspace, pose)
     }
 }
+
+state!(Pose { y, q, u, loop_jacobian, tau_y });

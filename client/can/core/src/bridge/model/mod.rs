@@ -21,6 +21,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::monitors::position;
 use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
+use crate::state::state;
 pub(super) use assessed::Activity;
 use assessed::Assessed;
 use effort::Filtered;
@@ -111,7 +112,7 @@ impl RobotModel {
             braking,
             mechanisms: mechanisms.collect(),
             encoders: Vec::new(),
-            feedback_ns: configuration.timeouts.feedback_ns,
+            feedback_ns: configuration.feedback_ns(),
             measured: vec![Measured::NONE; n_u],
             u: zero.u.clone(),
             target: zero.u.clone(),
@@ -196,3 +197,10 @@ impl RobotModel {
             && self.mechanisms[number].measured.clearance > least_clearance
     }
 }
+
+state!(Measured { position, velocity, effort, setpoint });
+state!(RobotModel {
+    mechanisms, encoders, measured, u, target, pose, commanded, y_before, motion, efforts, yd, ydd,
+    gravity, known, cycle, last_ns;
+    rules, evaluator, owners, coupled, limits, braking, feedback_ns, home, rates, asked
+});

@@ -7,6 +7,7 @@
 
 use super::evaluator::Pose;
 use super::linkage::Linkage;
+use crate::state::state;
 
 /// Longest step, as part of the range of an independent without limits `[m, rad]`.
 const LONGEST: f64 = 0.2;
@@ -147,3 +148,5 @@ fn deviation(linkage: &Linkage, pose: &Pose, target: &[f64]) -> f64 {
     );
     square.sqrt()
 }
+
+state!(Tracker { good, next, step, part, target, deviation, is_found, lost, clearance });

@@ -14,6 +14,10 @@
 //! shows as a contradiction of the set-points (`effort`, `frozen`).
 
 use super::answers::Answers;
+use crate::state::{state, state_of_enum};
+
+/// More open requests than this are lost in any case.
+const MOST_OPEN: u32 = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -103,16 +107,18 @@ impl Age {
             self.phase == Phase::Pause && now_ns.saturating_sub(self.asked_ns) > self.late_ns;
     }
 
+    /// The bridge could not hear its answers until now.
+    pub(in crate::bridge) fn excuse(&mut self, now_ns: u64) {
+        if self.phase == Phase::Pause {
+            self.asked_ns = now_ns;
+        }
+    }
+
     /// The motor may be another one when it answers again.
     pub(in crate::bridge) fn forget(&mut self) {
         if self.late_ns != u64::MAX {
             self.phase = Phase::Unknown;
         }
-    }
-
-    /// It is in time, by an earlier observation.
-    pub(in crate::bridge) fn believe(&mut self) {
-        (self.phase, self.is_late) = (Phase::Good, false);
     }
 
     /// Whether it is not known to be in time.
@@ -125,7 +131,15 @@ impl Age {
         self.late_ns < u64::MAX && round_trip_ns > self.late_ns
     }
 
+    /// Whether so many open requests may all still be answered.
+    pub(super) fn explains(&self, open: u32) -> bool {
+        open <= self.most_open.min(MOST_OPEN)
+    }
+
     pub(super) fn is_late(&self) -> bool {
         self.is_late
     }
 }
+
+state_of_enum!(Phase { Unknown, Pause, Good });
+state!(Age { phase, asked_ns, answered_ns, is_answered, is_late; late_ns, most_open });

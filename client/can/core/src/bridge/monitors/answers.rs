@@ -5,9 +5,11 @@
 //! request is surplus, unless the motor may have answered another frame of this or the previous
 //! cycle. Two motors on one identifier soon cause three surplus answers, as every second answer is
 //! one; single ones expire at one per 16 requests. So do open requests that no pause (`age`) can
-//! clear.
+//! clear, where lateness does not explain them. Requests that a pause clears may still be answered
+//! during the next 16.
 
 use crate::config::MonitorBounds;
+use crate::state::state;
 
 /// One surplus answer expires after this many requests.
 const FORGOTTEN: u32 = 16;
@@ -18,6 +20,8 @@ const MOST: u32 = 1 << 16;
 pub(in crate::bridge) struct Answers {
     /// Requests without an answer.
     pub(super) open: u32,
+    /// Requests that counted as lost lately and before, whose answers may be held back.
+    given_up: [u32; 2],
     /// Other frames in the last two cycles.
     others: [usize; 2],
     too_many: u32,
@@ -34,7 +38,8 @@ impl Answers {
         if self.n_requests == FORGOTTEN {
             self.n_requests = 0;
             self.too_many = self.too_many.saturating_sub(1);
-            if is_forgotten && self.open > 1 {
+            self.given_up = [0, self.given_up[0]];
+            if is_forgotten && self.open > 0 {
                 self.open -= 1;
             }
         }
@@ -44,6 +49,8 @@ impl Answers {
     pub(in crate::bridge) fn take(&mut self) {
         if self.open > 0 {
             self.open -= 1;
+        } else if let Some(given_up) = self.given_up.iter_mut().find(|given_up| **given_up > 0) {
+            *given_up -= 1;
         } else if let Some(others) = self.others.iter_mut().find(|others| **others > 0) {
             *others -= 1;
         } else {
@@ -51,12 +58,15 @@ impl Answers {
         }
     }
 
-    /// Requests that are open now are never answered.
+    /// Requests that are open now count as lost.
     pub(in crate::bridge) fn forgive(&mut self) {
-        self.open = 0;
+        let [lately, before] = self.given_up;
+        (self.given_up, self.open) = ([lately.max(self.open), before], 0);
     }
 
     pub(super) fn is_second(&self, bounds: &MonitorBounds) -> bool {
         f64::from(self.too_many) >= bounds.second_answer
     }
 }
+
+state!(Answers { open, given_up, others, too_many, n_requests });

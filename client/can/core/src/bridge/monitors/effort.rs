@@ -13,6 +13,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
 use crate::drive::Mode;
+use crate::state::state;
 
 /// Time for which set-points are kept `[s]`.
 const MEMORY: f64 = 8e-3;
@@ -91,3 +92,6 @@ impl Effort {
         (is_off || is_limp).then_some(Reason::EffortMismatch)
     }
 }
+
+state!(Effort { low, high, off, limp });
+state!(Run { n, time });

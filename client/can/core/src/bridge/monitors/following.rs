@@ -9,6 +9,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::Seen;
 use crate::drive::Mode;
+use crate::state::state;
 
 const LEAST: f64 = 0.05;
 const MOST: f64 = 0.25;
@@ -44,3 +45,5 @@ impl Following {
         (self.behind > seen.bounds.following).then_some(Reason::FollowingError)
     }
 }
+
+state!(Following { behind });

@@ -3,6 +3,8 @@
 //! One frame is enough. Some adapters return the frames that they sent: a frame equal bit for bit
 //! to one of the last two cycles counts as the bridge's own.
 
+use crate::state::state;
+
 /// Time for which a foreign frame keeps a motor from being armed `[ns]`.
 const HEARD_NS: u64 = 1_000_000_000;
 
@@ -21,3 +23,5 @@ impl Foreign {
         self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) < HEARD_NS)
     }
 }
+
+state!(Foreign { heard_ns });

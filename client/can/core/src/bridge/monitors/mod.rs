@@ -13,11 +13,13 @@ mod frozen;
 mod jump;
 mod noise;
 pub(super) mod position;
+mod punctual;
 mod temperature;
 mod velocity;
 mod watch;
 
 pub(super) use noise::{DITHER, Noise};
+pub(super) use punctual::Punctual;
 use sarrus_proto::actuators::Reason;
 
 use super::rest;
@@ -25,6 +27,7 @@ use crate::config::{Limits, MonitorBounds, MotorConfig};
 use crate::drive::Mode;
 use crate::event::BusState;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
+use crate::state::state;
 
 /// Codes by which two equal numbers may differ, with two codes of noise on each.
 const NOISE: f64 = 4.5;
@@ -44,9 +47,11 @@ pub(super) struct Seen<'a> {
     pub(super) period: f64,
     /// The newest measurement.
     pub(super) measured: &'a ActuatorMeasurement,
-    /// The one before, and the time between the two `[s]`.
+    /// The one before, and the time between the arrivals of the two `[s]`.
     pub(super) before: &'a ActuatorMeasurement,
     pub(super) elapsed: f64,
+    /// How much older than its arrival the one before may be, and the newest `[s]`.
+    pub(super) late: [f64; 2],
     /// The last two set-points.
     pub(super) asked: &'a [ActuatorSetpoint; 2],
     /// Effort of each of the two at the newest measurement `[N m, N]`; NaN where it needs a
@@ -60,13 +65,35 @@ pub(super) struct Seen<'a> {
     /// The positions from which it can stop at any allowed speed.
     pub(super) free: &'a [f64; 2],
     /// A position that stays one code for longer is frozen `[s]`.
-    pub(super) longest: f64,
+    pub(super) dwell: f64,
     pub(super) mode: Mode,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,
 }
 
 impl Seen<'_> {
+    /// The longest and the shortest time that may have passed between the two measurements `[s]`.
+    fn longest(&self) -> f64 {
+        self.elapsed + self.late[0]
+    }
+
+    fn shortest(&self) -> f64 {
+        (self.elapsed - self.late[1]).max(0.0)
+    }
+
+    /// How far the set-point goes in a cycle, by its position or its velocity; 0 for an effort.
+    fn way_asked(&self) -> f64 {
+        let [last, before] = self.asked;
+        let [by_velocity, by_position] =
+            [last.velocity * self.period, last.position - before.position];
+        match self.mode {
+            Mode::Velocity => by_velocity,
+            Mode::Impedance | Mode::Torque if self.stiffness == 0.0 => 0.0,
+            _ if by_velocity.abs() > by_position.abs() => by_velocity,
+            _ => by_position,
+        }
+    }
+
     /// How far the actuator moved between the two measurements.
     fn way(&self) -> f64 {
         self.measured.position - self.before.position
@@ -94,6 +121,7 @@ pub(super) struct Monitors {
     /// The largest stiffness and damping that the motor can be given.
     largest_gains: [f64; 2],
     pub(super) age: age::Age,
+    pub(super) punctual: Punctual,
     pub(super) answers: answers::Answers,
     pub(super) foreign: foreign::Foreign,
     pub(super) rules: Rules,
@@ -135,6 +163,7 @@ impl Monitors {
                 gain * config.mapping.gear * config.mapping.gear * config.mapping.torque_constant
             }),
             age: age::Age::new(config.monitors.late, period_ns, feedback_ns),
+            punctual: Punctual::default(),
             answers: answers::Answers::default(),
             foreign: foreign::Foreign::default(),
             rules: Rules::default(),
@@ -222,3 +251,6 @@ fn steps(config: &MotorConfig) -> ActuatorSetpoint {
         damping: said.damping * gear * by_effort,
     }
 }
+
+state!(Rules { effort, following, frozen, position, velocity, temperature });
+state!(Monitors { age, punctual, answers, foreign, rules; bounds, steps, largest_gains });

@@ -3,6 +3,8 @@
 //! An encoder is noisy if at least half of a row of reports differ from the one before, over two
 //! codes or more: then it leaves every code soon, wherever it is between two of them.
 
+use crate::state::state;
+
 /// Reports that are judged together.
 const ROW: u32 = 24;
 /// Codes that the reports spread over.
@@ -49,3 +51,5 @@ impl Noise {
         self.is_noisy
     }
 }
+
+state!(Noise { n, n_changed, last, low, high, is_noisy });

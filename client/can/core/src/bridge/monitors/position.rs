@@ -16,6 +16,7 @@ use sarrus_proto::actuators::Reason;
 use super::{NOISE, Seen};
 use crate::config::{Limits, MonitorBounds};
 use crate::mapping::ActuatorSetpoint;
+use crate::state::state;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Position {
@@ -65,7 +66,7 @@ fn is_too_fast(seen: &Seen<'_>) -> bool {
     // a speed that is hidden or not reported shows in the positions
     let way = seen.way();
     let noise = NOISE * steps.position;
-    let by_way = (way.abs() - noise) / (seen.elapsed + seen.period);
+    let by_way = (way.abs() - noise) / (seen.longest() + seen.period);
     let speed = measured.velocity.abs().max(by_way);
     let ahead = if by_way > 0.0 { way } else { measured.velocity };
     let room = match ahead > 0.0 {
@@ -107,3 +108,5 @@ impl Position {
         (moves && bounds.position < f64::INFINITY).then_some(Reason::PositionLimit)
     }
 }
+
+state!(Position { least });

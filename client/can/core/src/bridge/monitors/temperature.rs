@@ -8,6 +8,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::Seen;
 use crate::config::MonitorBounds;
+use crate::state::state;
 
 const MEASUREMENTS: u32 = 3;
 
@@ -43,3 +44,5 @@ impl Temperature {
         }
     }
 }
+
+state!(Temperature { n_hot, lower });

@@ -1,19 +1,30 @@
 //! A speed beyond its limit, by the reports and by the positions.
 //!
-//! Reported: |q̇| > (1 + margin) v in three consecutive measurements. By positions: the excess is
-//! summed up, s ← max(0, s ± Δq − (1 + margin) v Δt), which neither lost frames nor jitter enlarge,
-//! and compared with half a cycle at the limit.
+//! Reported: |q̇| > (1 + margin) v in three consecutive measurements.
+//!
+//! By positions: since some earlier measurement the actuator went farther than the limit allows in
+//! the longest possible time. A measurement arrives at r and may be a older (`punctual`). Its
+//! excess s over the best earlier one is
+//!
+//! ```text
+//! s ← s ± Δq − (1 + margin) v Δr,   fault where s > v t + noise,   s ← max(s, −(1 + margin) v a)
+//! ```
+//!
+//! with t = T / 2, at least [`CLOCKS`].
 
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
+use crate::state::state;
 
 const MEASUREMENTS: u32 = 3;
+/// Times of arrival may be off by this in spite of their bound `[s]`.
+const CLOCKS: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Velocity {
     n_fast: u32,
-    /// Distance in excess of the allowed one, forwards and backwards.
+    /// Distance in excess of the allowed one from the best measurement, forwards and backwards.
     ahead: f64,
     back: f64,
 }
@@ -28,10 +39,14 @@ impl Velocity {
         let is_fast = seen.measured.velocity.abs() > most + NOISE * steps.velocity;
         self.n_fast = if is_fast { self.n_fast + 1 } else { 0 };
         let allowed = most * seen.elapsed;
-        self.ahead = (self.ahead + seen.way() - allowed).max(0.0);
-        self.back = (self.back - seen.way() - allowed).max(0.0);
-        let bound = 0.5 * seen.limits.velocity * seen.period + NOISE * steps.position;
-        let is_ahead = self.ahead.max(self.back) > bound;
+        let ahead = self.ahead + seen.way() - allowed;
+        let back = self.back - seen.way() - allowed;
+        let bound = seen.limits.velocity * (0.5 * seen.period).max(CLOCKS) + NOISE * steps.position;
+        let is_ahead = ahead.max(back) > bound;
+        let [_, late] = seen.late;
+        (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));
         (self.n_fast >= MEASUREMENTS || is_ahead).then_some(Reason::VelocityLimit)
     }
 }
+
+state!(Velocity { n_fast, ahead, back });

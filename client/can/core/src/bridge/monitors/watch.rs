@@ -3,19 +3,19 @@
 use sarrus_proto::actuators::{Reason, flag};
 
 use super::{Monitors, Seen, effort_of, noise};
-use crate::bridge::course::Course;
-use crate::bridge::mechanism::Mechanism;
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::whereabouts::Allowed;
 use crate::bridge::{Bridge, BusState};
+use crate::drive::Pairing;
+use crate::frame::Frame;
 use crate::mapping::ActuatorSetpoint;
 
 impl Bridge {
     /// Fails motors with doubted measurements; a motor outside its limits does not arm.
     pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
         let period = self.configuration.period_ns() as f64 * 1e-9;
-        let feedback_ns = self.configuration.timeouts.feedback_ns;
+        let feedback_ns = self.configuration.feedback_ns();
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
             let number = motor.mechanism;
@@ -33,8 +33,9 @@ impl Bridge {
                 continue;
             }
             let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
-            let found =
-                motor.doubt(period, mechanism).or_else(|| motor.monitors.check_bus(now_ns, bus));
+            let found = motor
+                .doubt(period, mechanism.is_following())
+                .or_else(|| motor.monitors.check_bus(now_ns, bus));
             if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
             }
@@ -43,14 +44,15 @@ impl Bridge {
 }
 
 impl Motor {
-    /// The reason to doubt the newest measurement, if it is new.
-    fn doubt(&mut self, period: f64, mechanism: &Mechanism) -> Option<Reason> {
+    /// The reason to doubt the newest measurement, if it is new. The rules see the newest one of
+    /// each cycle.
+    fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
-        let longest = self.longest(mechanism);
+        let dwell = self.dwell();
         let since = self.seen_ns.zip(self.measured_ns);
-        let Monitors { bounds, steps, rules, .. } = &mut self.monitors;
+        let Monitors { bounds, steps, rules, punctual, .. } = &mut self.monitors;
         let found = since.and_then(|(before, measured)| {
             rules.check(&Seen {
                 bounds,
@@ -59,21 +61,23 @@ impl Motor {
                 measured: &self.measured,
                 before: &self.before,
                 elapsed: measured.saturating_sub(before) as f64 * 1e-9,
+                late: [self.late_before, punctual.late],
                 asked: &self.asked,
                 efforts: self.asked.map(|asked| effort_of(&asked, &self.measured)),
                 stiffness: self.stiffness,
                 limits: &self.config.limits,
                 braking: &self.braking,
                 free: &self.free,
-                longest,
+                dwell,
                 mode: self.config.common.mode,
-                is_following: mechanism.is_following(),
+                is_following,
             })
         });
         if let (Some(Reason::FeedbackJump), Some(before_ns)) = (found, self.seen_ns) {
             self.whereabouts.jumped(before_ns, &self.before);
         }
         (self.seen_ns, self.before) = (self.measured_ns, self.measured);
+        self.late_before = self.monitors.punctual.late;
         found
     }
 
@@ -115,10 +119,10 @@ impl Motor {
     }
 
     /// How long its position may stay one code.
-    fn longest(&self, mechanism: &Mechanism) -> f64 {
+    fn dwell(&self) -> f64 {
         if self.noise.is_noisy() {
             noise::NOISY
-        } else if self.config.dither > 0.0 && mechanism.given == Some(Course::Follow(1.0)) {
+        } else if self.is_dithered {
             noise::DITHERED
         } else {
             f64::INFINITY
@@ -145,10 +149,19 @@ impl Motor {
         has_power: bool,
         bus_has_power: bool,
     ) -> bool {
-        if !self.is_paired() || bus_has_power && self.is_synchronous {
+        let was_paired = self.is_paired;
+        self.is_paired = self.config.drive.pairing() == Pairing::Paired;
+        if self.is_paired && !was_paired {
+            self.monitors.punctual.pause();
+        }
+        if !self.is_paired || bus_has_power && self.is_synchronous {
             return false;
         }
-        self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers)
+        let pauses = self.monitors.age.pauses(now_ns, has_power, &mut self.monitors.answers);
+        if pauses && !has_power {
+            self.monitors.punctual.pause();
+        }
+        pauses
     }
 
     /// It stops by itself: its effort is unknown.
@@ -156,10 +169,18 @@ impl Motor {
         self.asked = [ActuatorSetpoint { effort: f64::NAN, ..ActuatorSetpoint::default() }; 2];
     }
 
+    /// The heartbeats among frames, which nothing answers.
+    pub(in crate::bridge) fn heartbeats(&self, frames: Option<&[Frame]>) -> usize {
+        let heartbeat = self.config.drive.heartbeat().map(|(frame, _)| frame);
+        let is_one = |frame: &&Frame| Some(**frame) == heartbeat;
+        frames.map_or(0, |frames| frames.iter().filter(is_one).count())
+    }
+
     /// It was asked for a measurement, with so many frames.
     pub(in crate::bridge) fn ask(&mut self, n_frames: usize) {
-        if self.is_paired() {
-            self.monitors.answers.ask(n_frames, self.is_synchronous);
+        if self.is_paired {
+            let Monitors { answers, age, .. } = &mut self.monitors;
+            answers.ask(n_frames, self.is_synchronous && !age.explains(answers.open));
         } else {
             self.monitors.answers.forgive();
         }

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, MS};
 use super::*;
-use crate::fault_log::{After, FaultLog};
+use crate::fault_log::FaultLog;
 use crate::log::{Line, What};
 
 /// Runs plain motors for some milliseconds after arming, and then through faults by `change`; gives
@@ -32,7 +32,11 @@ fn run(after: u64, change: impl Fn(&mut Bench)) -> (Bridge, Vec<Line>) {
             line.apply(&mut bench.bridge);
             log.push(line);
         }
-        log.after(After::cycle_of(&bench.bridge));
+        if ms % 1000 == 999 {
+            let mut room = bench.bridge.room();
+            assert!(bench.bridge.save(&mut room));
+            drop(log.state(t, room));
+        }
         if bench.bridge.faults().0 != faults {
             faults = bench.bridge.faults().0;
             lines = log.lines().collect();
@@ -60,9 +64,32 @@ fn what_led_to_a_fault_gives_the_same_fault_again() {
             for line in &lines {
                 let text = line.text(&configuration);
                 assert_eq!(again.faults().0, 0, "{text}");
-                Line::read(&text, &configuration).unwrap().apply(&mut again);
+                assert!(Line::read(&text, &configuration).unwrap().apply(&mut again));
             }
             assert_eq!(again.faults().1, bridge.faults().1, "{after}");
         }
     }
+}
+
+#[test]
+fn a_state_of_another_configuration_is_refused_and_one_of_its_own_is_complete() {
+    let mut bench = Bench::armed();
+    bench.steps(150);
+    let mut words = bench.bridge.room();
+    let room = words.capacity();
+    assert!(bench.bridge.save(&mut words));
+    assert_eq!(words.capacity(), room, "nothing allocates");
+    let mut other = Bench::new(|configuration| configuration.actuators[0] = "z".into());
+    assert!(!other.bridge.restore(&words));
+    let mut shorter = words.clone();
+    shorter.pop();
+    assert!(!Bench::new(|_| {}).bridge.restore(&shorter));
+    assert!(!Bench::new(|_| {}).bridge.restore(&[]));
+    let mut again = Bench::new(|_| {}).bridge;
+    assert!(again.restore(&words));
+    let mut same = again.room();
+    assert!(again.save(&mut same));
+    assert_eq!(same, words);
+    // and no room is no state
+    assert!(!again.save(&mut Vec::with_capacity(10)));
 }

@@ -403,3 +403,34 @@ fn a_configuration_without_anything_is_told_what_it_lacks() {
         assert!(given.iter().any(|found| found.contains(key)), "{given:?}");
     }
 }
+
+#[test]
+fn a_bridge_that_is_late_itself_names_itself_and_not_the_motors() {
+    // the cycle was late, and nothing was asked meanwhile
+    let mut bench = Bench::armed();
+    bench.now_ns += 30 * MS;
+    bench.step();
+    assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Fault, Reason::Stalled));
+    // the thread of a bus was late, and nothing was heard
+    let mut bench = Bench::armed();
+    bench.answers = [false; 3];
+    for _ in 0..25 {
+        bench.bridge.bus_event(bench.now_ns, 0, BusEvent::Late);
+        bench.step();
+    }
+    assert_eq!((bench.states()[0], bench.reason(0)), (MechanismState::Fault, Reason::Stalled));
+    assert_eq!(
+        (bench.states()[2], bench.reason(2)),
+        (MechanismState::Fault, Reason::FeedbackStale)
+    );
+    // a motor that is silent most of the time is blamed
+    let mut bench = Bench::armed();
+    bench.answers[0] = false;
+    bench.steps(5);
+    bench.now_ns += 8 * MS;
+    bench.steps(20);
+    assert_eq!(
+        (bench.states()[0], bench.reason(0)),
+        (MechanismState::Fault, Reason::FeedbackStale)
+    );
+}

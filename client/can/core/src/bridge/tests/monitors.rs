@@ -2,7 +2,7 @@
 
 use super::bench::{AT_REST, Bench, OFF};
 use super::*;
-use crate::bridge::monitors::{Monitors, Seen, effort_of};
+use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -14,8 +14,10 @@ struct Line {
     asked: [ActuatorSetpoint; 2],
     stiffness: f64,
     braking: [f64; 2],
-    longest: f64,
+    dwell: f64,
     before: ActuatorMeasurement,
+    elapsed: f64,
+    late: [f64; 2],
     has_seen: bool,
 }
 
@@ -46,8 +48,10 @@ impl Line {
             asked: [NOTHING; 2],
             stiffness: 0.0,
             braking: [50.0, 0.05],
-            longest: f64::INFINITY,
+            dwell: f64::INFINITY,
             before: STILL,
+            elapsed: PERIOD,
+            late: [0.0; 2],
             has_seen: false,
         }
     }
@@ -64,14 +68,15 @@ impl Line {
             period: PERIOD,
             measured: &measured,
             before: &self.before,
-            elapsed: PERIOD,
+            elapsed: self.elapsed,
+            late: self.late,
             asked: &self.asked,
             efforts: self.asked.map(|asked| effort_of(&asked, &measured)),
             stiffness: self.stiffness,
             limits: &self.limits,
             braking: &self.braking,
             free: &[1.0, -1.0],
-            longest: self.longest,
+            dwell: self.dwell,
             mode: self.mode,
             is_following: true,
         });
@@ -240,9 +245,74 @@ fn a_code_that_stands_still_is_frozen_where_something_else_moves() {
     line.ask(ActuatorSetpoint { effort: 1.5, ..NOTHING });
     let settles = |i: f64| ActuatorMeasurement { position: 1e-3 * i.min(9.0), ..with(1.5, 0.0) };
     assert_eq!(line.run(900_000, settles), None);
-    // a standstill from one measurement to the next
+    // a standstill from one measurement to the next while the set-point goes on
     let stops = |i: f64| ActuatorMeasurement { position: 0.005 * i.min(5.0), ..STILL };
-    assert_eq!(reason(Line::new().run(99, stops)), Some(Reason::FeedbackFrozen));
+    let [last, before] = [0.02, 0.015].map(|position| ActuatorSetpoint { position, ..NOTHING });
+    let mut line = Line::new();
+    (line.asked, line.stiffness) = ([last, before], 1.0);
+    assert_eq!(reason(line.run(99, stops)), Some(Reason::FeedbackFrozen));
+}
+
+#[test]
+fn a_quick_move_that_ends_at_rest_is_not_frozen() {
+    // at a constant speed, then at rest, with an effort that brakes until then
+    for braking in [-2.0, -1.0, 1.0, 2.0] {
+        let mut line = Line::new();
+        let there = |i: f64| ActuatorMeasurement {
+            position: 0.005 * i.min(5.0),
+            effort: if i < 6.0 { braking } else { 0.0 },
+            ..STILL
+        };
+        line.ask(ActuatorSetpoint { effort: braking, position: 0.025, ..NOTHING });
+        assert_eq!(line.run(6, there), None, "{braking}");
+        line.ask(ActuatorSetpoint { position: 0.025, ..NOTHING });
+        assert_eq!(line.run(99, |i| there(6.0 + i)), None, "{braking}");
+    }
+    // a heavy joint does not move at once
+    let mut line = Line::new();
+    let at = |position: f64| ActuatorMeasurement { position, ..STILL };
+    assert_eq!(line.run(99, |_| at(0.0)), None);
+    line.ask(ActuatorSetpoint { effort: 0.6, ..NOTHING });
+    let code = 3.8e-4;
+    let at = |position: f64| ActuatorMeasurement { effort: 0.6, ..at(position) };
+    let moves = |i: f64| at(code * (0.5 * 2.0 * (PERIOD * i).powi(2) / code).floor());
+    assert_eq!(line.run(25, moves), None);
+}
+
+#[test]
+fn frames_that_are_late_once_are_neither_a_jump_nor_a_speed() {
+    // at 60 % of the limit, with answers that wait for up to three cycles, in order
+    let mut punctual = Punctual::default();
+    let mut line = Line::new();
+    (line.limits.lower, line.limits.upper) = (-1e9, 1e9);
+    let mut came = 0.0;
+    let mut late_before = 0.0;
+    for i in 1..2000 {
+        let taken = PERIOD * f64::from(i);
+        let late = if i > 100 && i % 100 < 3 { 3.0 - f64::from(i % 100) } else { 0.0 };
+        let arrives = taken + PERIOD * late;
+        punctual.take(arrives - came);
+        (line.elapsed, line.late) = (arrives - came, [late_before, punctual.late]);
+        (came, late_before) = (arrives, punctual.late);
+        let measured = ActuatorMeasurement { position: 3.0 * taken, velocity: 3.0, ..STILL };
+        assert_eq!(line.see(measured), None, "{i}");
+    }
+    // one that waited while this program did not run, and the next
+    for (taken, arrives) in [(8.0, 8.3), (8.301, 8.302)] {
+        punctual.take(arrives - came);
+        (line.elapsed, line.late) = (arrives - came, [late_before, punctual.late]);
+        (came, late_before) = (arrives, punctual.late);
+        let measured = ActuatorMeasurement { position: 3.0 * taken, velocity: 3.0, ..STILL };
+        assert_eq!(line.see(measured), None, "{taken}");
+    }
+    // and a real excess is found soon after
+    let mut position = line.before.position;
+    let found = (0..10).find(|_| {
+        position += 8.0 * PERIOD;
+        (line.elapsed, line.late) = (PERIOD, [0.0; 2]);
+        line.see(ActuatorMeasurement { position, velocity: f64::NAN, ..STILL }).is_some()
+    });
+    assert!(found.is_some(), "{found:?}");
 }
 
 #[test]
@@ -264,14 +334,21 @@ fn a_joint_that_cannot_stop_before_its_limit_is_stopped_in_time() {
     let hidden = |i: f64| ActuatorMeasurement { velocity: 0.0, ..at(0.7, 4.5)(i) };
     let mut line = Line::new();
     assert!(line.run(9, hidden).is_some());
+    // 2 rad/s, which five measurements in two cycles do not double where one waited for three
+    let mut line = Line::new();
+    line.before = at(0.62, 2.0)(0.0);
+    (line.elapsed, line.late) = (4.0 * PERIOD, [0.0, 3.0 * PERIOD]);
+    assert_eq!(line.see(at(0.62, 2.0)(1.0)), None);
+    (line.elapsed, line.late) = (PERIOD, [3.0 * PERIOD, 0.0]);
+    assert_eq!(line.see(at(0.62, 2.0)(5.0)), None);
     // slowly to the limit itself
     assert_eq!(first(0.99, 0.1), None);
 }
 
 #[test]
 fn a_held_code_is_frozen_where_noise_or_a_dither_would_change_it() {
-    let held = |longest: f64, n: usize| {
-        let mut line = Line { longest, ..Line::new() };
+    let held = |dwell: f64, n: usize| {
+        let mut line = Line { dwell, ..Line::new() };
         line.ask(ActuatorSetpoint { effort: 1.5, ..NOTHING });
         let at = |i: f64| ActuatorMeasurement { position: 1e-3 * i.min(9.0), effort: 1.5, ..STILL };
         line.run(n, at)

@@ -17,12 +17,17 @@ use crate::protocol::number::{limited, steps, steps_toward_zero};
 use crate::protocol::power_up::{Action, PowerUp, Stage};
 use crate::protocol::turns::Unwrapped;
 use crate::protocol::{Common, Made, Settings, fault};
+use crate::state::{self, Words, state};
 
 const SYNC: u16 = 0x080;
 /// A drive that is set up and silent for this time is set up again `[ns]`.
 const SILENCE_NS: u64 = 500_000_000;
 /// That time for a drive that reports not to be operational `[ns]`.
 const STOPPED_NS: u64 = 100_000_000;
+
+/// Time between two heartbeats for each millisecond of the drive's watchdog, an eighth, so that
+/// lost ones do not end it `[ns]`.
+const HEARTBEAT_NS: u64 = 125_000;
 
 #[derive(Debug)]
 struct Cia402 {
@@ -42,6 +47,8 @@ struct Cia402 {
     n_new: u8,
     /// When it last reported its status, or was set up `[ns]`.
     heard_ns: Option<u64>,
+    /// When the last position came `[ns]`.
+    position_ns: Option<u64>,
     torque: f64,
     heartbeat_ns: Option<u64>,
 }
@@ -81,6 +88,7 @@ pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagno
         counted: Unwrapped::new(1 << 32, i64::from(i32::MAX)),
         n_new: 0,
         heard_ns: None,
+        position_ns: None,
         torque: f64::NAN,
         heartbeat_ns: None,
     }))
@@ -117,7 +125,7 @@ impl Cia402 {
         }
     }
 
-    /// The heartbeat of this side, four times in the time that the drive waits for it.
+    /// The heartbeat of this side, eight times in the time that the drive waits for it.
     fn beat(&mut self, now_ns: u64, out: &mut FrameQueue) {
         let Some((frame, period_ns)) = self.heartbeat() else { return };
         if self.heartbeat_ns.is_none_or(|last| now_ns.saturating_sub(last) >= period_ns) {
@@ -191,6 +199,10 @@ impl Cia402 {
 }
 
 impl Drive for Cia402 {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        state::State::carry(self, words);
+    }
+
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.beat(now_ns, out);
         let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;
@@ -261,6 +273,7 @@ impl Drive for Cia402 {
             }
             (0x180, [low, high, a, b, c, d, e, f]) => {
                 (self.n_new, self.heard_ns) = ((self.n_new + 1).min(2), Some(now_ns));
+                self.position_ns = Some(now_ns);
                 self.status(u16::from_le_bytes([*low, *high]));
                 self.counted.follow(i64::from(i32::from_le_bytes([*a, *b, *c, *d])));
                 self.torque =
@@ -353,6 +366,10 @@ impl Drive for Cia402 {
         }
     }
 
+    fn position_ns(&self) -> Option<u64> {
+        self.position_ns
+    }
+
     fn pairing(&self) -> Pairing {
         Pairing::once(self.setup.is_done() && self.state.is_some())
     }
@@ -370,7 +387,7 @@ impl Drive for Cia402 {
     fn heartbeat(&self) -> Option<(Frame, u64)> {
         let frame = Frame::classic(Id::Standard(0x700 + self.desired.master), &[0x05])?;
         (self.desired.watchdog_ms > 0)
-            .then(|| (frame, u64::from(self.desired.watchdog_ms) * 250_000))
+            .then(|| (frame, u64::from(self.desired.watchdog_ms) * HEARTBEAT_NS))
     }
 
     /// Asks for the device's type, object 1000.
@@ -387,3 +404,9 @@ impl Drive for Cia402 {
         out.push_some(setup::read(self.desired.node, parameter.address as u16, 0));
     }
 }
+
+state!(Cia402 {
+    setup, state, power_up, emergency, emergency_holds, counted, n_new, heard_ns, position_ns,
+    torque, heartbeat_ns;
+    desired, torque_limit, counts, velocity_counts
+});

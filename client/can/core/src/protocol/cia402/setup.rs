@@ -3,6 +3,7 @@
 use crate::drive::{Mode, Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
 use crate::protocol::fault;
+use crate::state::state;
 
 /// An unanswered request is sent again after this time `[ns]`.
 const TIMEOUT_NS: u64 = 50_000_000;
@@ -368,3 +369,5 @@ impl Setup {
         }
     }
 }
+
+state!(Setup { next, sent_ns, n_tries, shown, watchdog, fault; desired, steps });

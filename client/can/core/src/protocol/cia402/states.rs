@@ -1,5 +1,7 @@
 //! The state machine of CiA 402: control words, 6040, and states in the status word, 6041.
 
+use crate::state::state_of_enum;
+
 pub(super) const DISABLE_VOLTAGE: u16 = 0x00;
 pub(super) const QUICK_STOP: u16 = 0x02;
 pub(super) const SHUTDOWN: u16 = 0x06;
@@ -8,8 +10,9 @@ pub(super) const ENABLE: u16 = 0x0F;
 pub(super) const FORGET_FAULT: u16 = 0x80;
 
 /// States of the status word.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum State {
+    #[default]
     NotReady,
     Disabled,
     Ready,
@@ -32,3 +35,5 @@ impl State {
         }
     }
 }
+
+state_of_enum!(State { NotReady, Disabled, Ready, SwitchedOn, Enabled, QuickStop, Faulty });

@@ -4,6 +4,7 @@
 use super::super::Settings;
 use super::file::{Kind, Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
+use crate::state::state;
 use sarrus_models::Diagnostics;
 
 /// Content of a signal that is sent.
@@ -215,3 +216,5 @@ impl Finder<'_> {
         self.good = false;
     }
 }
+
+state!(Reported { value, at_ns; named });

@@ -7,6 +7,7 @@
 use crate::drive::{Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
 use crate::protocol::fault;
+use crate::state::state;
 
 const READ: u8 = 0x33;
 const WRITE: u8 = 0x55;
@@ -50,7 +51,7 @@ const STEPS: [(u8, u8); 7] = [
     (READ, TMAX),
 ];
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Registers {
     id: u16,
     watchdog_ms: u32,
@@ -166,3 +167,5 @@ impl Registers {
         self.fault = if fault == 0 { self.fault } else { fault };
     }
 }
+
+state!(Registers { next, watchdog, fault; id, watchdog_ms, ranges });

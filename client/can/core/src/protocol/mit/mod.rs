@@ -38,6 +38,7 @@ use crate::drive::{
     Shared, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
+use crate::state::{State, Words, state};
 use damiao::Registers;
 use robstride::Question;
 use sarrus_models::Diagnostics;
@@ -201,6 +202,10 @@ impl Mit {
 }
 
 impl Drive for Mit {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        State::carry(self, words);
+    }
+
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         // a motor with power is not assessed again
         let is_ready = self.power_up.stage() != Stage::Off || self.ready();
@@ -383,3 +388,5 @@ impl Drive for Mit {
         true
     }
 }
+
+state!(Mit { coded, registers, question, power_up, power, motor_fault; variant, id, reply_id });

@@ -8,11 +8,12 @@
 //! the lower end of its position, or of its velocity and torque, which does not happen by chance.
 
 use crate::frame::{Frame, Id};
+use crate::state::state;
 
 /// Time between two requests `[ns]`.
 pub(super) const PERIOD_NS: u64 = 20_000_000;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Question {
     id: u16,
     asked_ns: Option<u64>,
@@ -57,3 +58,5 @@ impl Question {
         is_answer
     }
 }
+
+state!(Question { asked_ns, n_open, fault; id });

@@ -39,6 +39,7 @@ use crate::drive::{
     Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
+use crate::state::{State, Words, state};
 use sarrus_models::Diagnostics;
 use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, each_value};
 
@@ -224,6 +225,10 @@ impl Moteus {
 }
 
 impl Drive for Moteus {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        State::carry(self, words);
+    }
+
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.servo_mode == Some(STOPPED)
             && self.watchdog != Watchdog::Unknown
@@ -356,3 +361,8 @@ impl Drive for Moteus {
         out.push_some(self.frame(&EMPTY.read_single(parameter.address)));
     }
 }
+
+state!(Moteus {
+    watchdog, power_up, servo_mode, code, not_finite, velocity;
+    id, source, common, gains, watchdog_steps
+});

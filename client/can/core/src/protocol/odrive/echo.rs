@@ -6,6 +6,8 @@
 //! question. After a lost answer the next question waits twice as long, and the round trip is the
 //! longer of both endpoints since then, so that no delay is underestimated.
 
+use crate::state::state;
+
 /// Time for the first answer, after which it counts as lost `[ns]`.
 const LOST_NS: u64 = 300_000_000;
 
@@ -60,6 +62,8 @@ impl Echo {
         longest.unwrap_or(u64::MAX).max(waiting_ns)
     }
 }
+
+state!(Echo { asked, next, lost_ns, taken_ns });
 
 #[cfg(test)]
 mod tests {

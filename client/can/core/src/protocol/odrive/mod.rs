@@ -36,6 +36,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
 use crate::frame::{Frame, FrameQueue, Id};
+use crate::state::{State, Words, state};
 use echo::Echo;
 use sarrus_models::Diagnostics;
 use setup::Setup;
@@ -253,6 +254,10 @@ fn pair(frame: &Frame) -> Option<(f64, f64)> {
 }
 
 impl Drive for ODrive {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        State::carry(self, words);
+    }
+
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
             // measurements alone do not show whether it has power, or errors
@@ -398,3 +403,8 @@ impl Drive for ODrive {
         out.push_some(self.setup.read_parameter(parameter));
     }
 }
+
+state!(ODrive {
+    setup, echo, power_up, axis_state, heard_ns, errors, not_finite, measured;
+    node, limits, common, velocity_scale, torque_scale, torque_feedback
+});

@@ -3,6 +3,7 @@
 use crate::drive::{Parameter, Receipt, Watchdog};
 use crate::frame::{Frame, Id};
 use crate::protocol::number::single;
+use crate::state::{state, state_of_enum};
 
 const ENDPOINT: u16 = 0x04;
 
@@ -121,3 +122,6 @@ impl Setup {
         }
     }
 }
+
+state_of_enum!(Step { WriteTimeout, WriteEnable, ReadTimeout, ReadEnable, Done });
+state!(Setup { time, step, watchdog; node, endpoints, watchdog_ms });
