@@ -280,7 +280,9 @@ fn log(input: &[u8]) -> Result<u64, String> {
         let written = line.text(one.configuration());
         let again = Line::read(&written, one.configuration())?.text(one.configuration());
         law(written == again, || format!("{written} is read as {again}"))?;
-        [&mut one, &mut two].into_iter().for_each(|bridge| line.apply(bridge));
+        [&mut one, &mut two].into_iter().for_each(|bridge| {
+            line.apply(bridge);
+        });
         let [ours, theirs] =
             [&one, &two].map(|bridge| sent(bridge, line.t).collect::<Vec<String>>());
         law(ours == theirs, || format!("{ours:?} and {theirs:?}"))?;
