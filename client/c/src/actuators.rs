@@ -261,8 +261,8 @@ mod tests {
         wire::Reason::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
         wire::Operation::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
         assert_eq!(MechanismState::Stopping as usize + 1, wire::MechanismState::ALL.len());
-        assert_eq!(Reason::ModelEffort as usize + 1, wire::Reason::ALL.len());
-        assert_eq!(Operation::Return as usize, wire::Operation::ALL.len());
+        assert_eq!(Reason::PositionChanged as usize + 1, wire::Reason::ALL.len());
+        assert_eq!(Operation::Confirm as usize, wire::Operation::ALL.len());
         for (bit, name) in wire::flag::NAMES.iter().enumerate() {
             let number = if bit == 0 { "1".to_owned() } else { format!("1 << {bit}") };
             let line = format!("    {} = {number},\n", variant(name));

@@ -30,6 +30,13 @@ struct Stepped {
     retired: Consumer<Retired>,
 }
 
+/// A bundled robot whose loops are closed from all their rows, which takes longest.
+fn with_all_rows(robot: &str) -> Model<f64> {
+    let mut robot = load(&Source::Bundled(robot.into()), &Options::default()).unwrap().description;
+    robot.submechanisms.iter_mut().for_each(|of| of.closed_forms = false);
+    Model::compile(&robot).unwrap().model
+}
+
 impl Stepped {
     fn new() -> Stepped {
         let motion = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
@@ -38,8 +45,7 @@ impl Stepped {
     }
 
     fn of(robot: &str, query: Query) -> Stepped {
-        let source = Source::Bundled(robot.into());
-        let model: Model<f64> = load(&source, &Options::default()).unwrap().compiled.model;
+        let model = with_all_rows(robot);
         let plan = Plan::new(&model, &query).unwrap();
         let fingerprint = model.fingerprint();
         let (mut plan_orders, plan_orders_out) = RingBuffer::new(MAX_PLAN_ORDERS);
@@ -277,8 +283,7 @@ fn a_state_that_needs_more_than_a_turn_delays_nobody_and_has_the_bits_of_the_pla
     for options in [sarrus_proto::QueryOptions::NONE, sarrus_proto::QueryOptions::SEARCH] {
         let query = Query::new(Request::Kinematics, given, want).with_options(options);
         let mut stepped = Stepped::of("delta", query);
-        let source = Source::Bundled("delta".into());
-        let model = Arc::new(load(&source, &Options::default()).unwrap().compiled.model);
+        let model = Arc::new(with_all_rows("delta"));
         let threads = [(); 2].map(|()| Aside::start(&model, "aside", 8, || {}).unwrap());
         stepped.hot.engine.set_aside(threads);
         let mut whole = sarrus_dynamics::Workspace::new(&model);
