@@ -106,7 +106,6 @@ fn seeds_of_the_bundled_robots_take_the_place_of_continuation() {
             steps[0] += without.get(Iterations)[0];
             steps[1] += with.get(Iterations)[0];
         }
-        // six rows for six rods take fewer steps from the zero pose than all of theirs
-        assert!(1.5 * steps[0] < steps[1], "{name}: {steps:?}");
+        assert!(2.0 * steps[0] < steps[1], "{name}: {steps:?}");
     }
 }

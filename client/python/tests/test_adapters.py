@@ -274,7 +274,7 @@ class Interface:
         if self.refusal is not None:
             raise OSError(self.refusal, os.strerror(self.refusal))
 
-    def recvmsg(self, _):
+    def recvmsg(self, *_):
         if not self.answers:
             raise BlockingIOError
         answer = self.answers.pop(0)

@@ -5,7 +5,6 @@ mod cranks;
 mod drawn;
 mod dyads;
 mod known;
-mod rods;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};

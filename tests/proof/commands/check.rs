@@ -54,7 +54,8 @@ fn a_valid_robot_is_one_object_with_every_order() {
                     "cond_Kd",
                     "singular",
                     "seed_cells",
-                    "seed_bytes"
+                    "seed_bytes",
+                    "parts"
                 ]
             );
         }

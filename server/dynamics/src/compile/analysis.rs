@@ -36,8 +36,6 @@ pub(super) struct Analysis {
     pub(super) choices: Vec<Blocks>,
     /// Idle dependents, which keep their initial value.
     pub(super) locked: Vec<usize>,
-    /// Poses of the bodies at the sampled closed poses, the generic one first, and at zero.
-    pub(super) poses: Vec<Vec<Pose<f64>>>,
 }
 
 /// A cluster at one closed pose: scaled K (rows × n_v, row-major) and the poses of its bodies.
@@ -161,9 +159,7 @@ pub(super) fn analyse(
     for (other, at) in redundant::choices(subject, &cluster, &used) {
         choices.push(blocks(&cluster, &other, &at.K, &[&at.K]));
     }
-    let poses = [generic].into_iter().chain(&samples).chain([&at_zero]);
-    let poses = poses.map(|at| at.pose.clone()).collect();
-    Some(Analysis { used, choices, locked, poses })
+    Some(Analysis { used, choices, locked })
 }
 
 /// The idle motions of the dependents; `None` if the independents leave other motions undetermined

@@ -1,27 +1,10 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many
 //! joints, in the order of solution.
 
-use crate::closure::{Block, BlockCut, Blocks, Elimination, RowKind, constraint_jacobian, scaled};
+use crate::closure::{Block, BlockCut, Blocks, Elimination, RowKind};
 use crate::compile::elimination;
 use crate::compile::matching::{matching, strongly_connected};
 use crate::mechanism::{Cluster, Cut, CutRow, Dof};
-use crate::spatial::Pose;
-
-/// The same of all rows of a cluster at poses of its bodies, the generic one first.
-pub(super) fn blocks_at(cluster: &Cluster<f64>, poses: &[Vec<Pose<f64>>]) -> Blocks {
-    let n = cluster.n_v;
-    let all: Vec<usize> = (0..n).collect();
-    let entries = |pose: &Vec<Pose<f64>>| {
-        let mut unscaled = vec![0.0; cluster.rows.len() * n];
-        let mut K = unscaled.clone();
-        constraint_jacobian(cluster, pose, &mut unscaled);
-        scaled(cluster, &unscaled, 0..cluster.rows.len(), &all, |r, v, x| K[r * n + v] = x);
-        K
-    };
-    let K: Vec<Vec<f64>> = poses.iter().map(entries).collect();
-    let others: Vec<&[f64]> = K[1..].iter().map(|K| &K[..]).collect();
-    blocks(cluster, &cluster.used, &K[0], &others)
-}
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 ///
@@ -239,7 +222,7 @@ pub(super) fn is_length(cluster: &Cluster<f64>, row: &CutRow<f64>) -> bool {
 /// of the rows: the unknowns move the successor alone, and the velocities are those of its cut
 /// point.
 fn one_sided(cut: &BlockCut) -> bool {
-    cut.kind != RowKind::Distance && cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
+    cut.solve.iter().all(|(_, on_successor, _)| *on_successor)
 }
 
 /// The end of the block's only cut that up to three joints in series carry: true for the
@@ -264,7 +247,7 @@ fn series(
     let linear = match rows.kind {
         RowKind::Ball => true,
         RowKind::Linear => side,
-        RowKind::Distance | RowKind::Any => false,
+        RowKind::Any => false,
     };
     (in_series && one_sided && in_order && linear && rows.rows.len() == unknowns.len())
         .then_some(side)
@@ -275,7 +258,6 @@ fn row_kind(cut: &Cut<f64>, rows: &[(usize, usize)]) -> RowKind {
     let linear =
         rows.iter().all(|(r, _)| cut.rows[*r].terms.is_empty() && cut.rows[*r].linear.norm() > 0.0);
     match is_ball(cut, rows) {
-        _ if cut.distance.is_some() => RowKind::Distance,
         true => RowKind::Ball,
         false if linear && !cut.angular => RowKind::Linear,
         false => RowKind::Any,

@@ -6,13 +6,11 @@ use sarrus_proto::{ClosureInfo, ClosureKind};
 use crate::closure::{Closure, Numerical};
 use crate::compile::CLOSED_FORMS;
 use crate::compile::assemble::{Assembly, Labels};
-use crate::compile::blocks::blocks_at;
 use crate::compile::closed_forms::{self, Form};
 use crate::description::{Description, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Dd, Real};
-use crate::spatial::Pose;
 
 /// Misfit up to which a closed form is exact: the rounding of numbers in a file.
 const ROUNDING: f64 = 1e-13;
@@ -28,8 +26,6 @@ pub(super) struct Candidate<'a> {
     pub(super) cluster: &'a Cluster<Dd>,
     pub(super) bodies: &'a [Body<Dd>],
     pub(super) numerical: Numerical<Dd>,
-    /// As [`Analysis::poses`](super::analysis::Analysis).
-    pub(super) poses: Vec<Vec<Pose<f64>>>,
 }
 
 impl Candidate<'_> {
@@ -75,9 +71,6 @@ impl Candidate<'_> {
                 if self.submechanism().closed_forms {
                     self.numerical.form =
                         closed_forms::recognised(self.cluster, self.bodies, &zero, ROUNDING);
-                    if self.numerical.form.is_none() {
-                        self.leave_out_rods(&zero);
-                    }
                 }
                 Closure::Numerical(self.numerical)
             }
@@ -173,15 +166,6 @@ impl Candidate<'_> {
         match self.description.zero_pose.iter().any(|(j, _)| members.contains(j)) {
             true if !is_platform => SubmechanismKind::Numerical,
             _ => kind,
-        }
-    }
-
-    /// Takes one row for each rod that only holds a distance.
-    fn leave_out_rods(&mut self, zero: &[Dd]) {
-        let reduced = closed_forms::without_rods(self.cluster, self.bodies, zero, ROUNDING);
-        if let Some(reduced) = reduced.filter(|_| self.numerical.choices.len() == 1) {
-            self.numerical.choices = vec![blocks_at(&reduced.cluster.map(Dd::to_f64), &self.poses)];
-            self.numerical.reduced = Some(Box::new(reduced));
         }
     }
 

@@ -29,7 +29,7 @@ pub(super) fn close_clusters(
         let is_solved = matches!(exact.closures[c], Closure::Coupling(_));
         let Some(analysis) = analyse(&subject, is_solved, errors, warnings) else { continue };
         record(&analysis, &subject, assembly, c, &mut closures);
-        let Analysis { used, choices, locked, poses } = analysis;
+        let Analysis { used, choices, locked } = analysis;
         let zero = &mut exact.zero[subject.cluster.coordinates()];
         let mut numerical = Numerical::new(choices, zero.to_vec());
         let cluster = &mut exact.clusters[c];
@@ -45,9 +45,8 @@ pub(super) fn close_clusters(
             continue;
         }
         zero.copy_from_slice(&numerical.zero);
-        let labels = &labels;
         let candidate =
-            Candidate { description, assembly, c, labels, cluster, bodies, numerical, poses };
+            Candidate { description, assembly, c, labels: &labels, cluster, bodies, numerical };
         let chosen = candidate.choose_closure(subject.zero, &mut closures, errors, warnings);
         if let Some(closure) = chosen {
             exact.closures[c] = closure;

@@ -76,7 +76,6 @@ impl Builder<'_> {
             path,
             angular: false,
             on_line: false,
-            distance: None,
         }
     }
 
@@ -150,7 +149,6 @@ impl Builder<'_> {
             path: path.collect(),
             angular: cycle.rows.iter().any(|row| row.axis[..3].iter().any(|x| *x != 0.0)),
             on_line: held.len() >= 2,
-            distance: None,
         }
     }
 

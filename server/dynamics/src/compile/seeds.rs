@@ -37,8 +37,6 @@ const REGULAR: f64 = 0.05;
 /// nearest singular pose.
 const ERROR: f64 = 2e-3;
 const CLEAR: f64 = 0.02;
-/// Largest turn of a rod from the zero pose at the center of a cell.
-const ANGLE: f64 = 2.5;
 
 /// A table of a cluster.
 pub(super) struct Found {
@@ -104,10 +102,7 @@ impl Table<'_> {
         let c = self.c;
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
-        // the turns of rods follow from the others
-        let solved = self.numerical.reduced.as_ref().map(|reduced| &reduced.cluster.dependent);
-        let solved = solved.unwrap_or(&cluster.dependent);
-        let columns: Vec<usize> = solved.iter().map(|v| cluster.dofs[*v].q).collect();
+        let columns: Vec<usize> = cluster.dependent.iter().map(|v| cluster.dofs[*v].q).collect();
         let stride = columns.len().next_multiple_of(LANES);
 
         // the zero pose and its signs
@@ -135,7 +130,7 @@ impl Table<'_> {
         let axes = (0..n).map(|k| self.axis(k, along, &origin)).collect::<Option<Vec<_>>>()?;
         let nodes = self.nodes(&axes, origin);
         let mut seeds = Seeds {
-            values: values(cluster, &zero, solved, &axes, &nodes),
+            values: values(cluster, &zero, &columns, &axes, &nodes),
             cells: vec![true; axes.iter().map(|axis| axis.nodes - 1).product()],
             axes,
             columns,
@@ -287,16 +282,11 @@ impl Table<'_> {
         let Some(center) = self.step(&around[0].q, &q) else { return false };
         let gain = around.iter().fold(center.gain, |gain, node| gain.max(node.gain));
         let cluster = self.cluster();
-        let dofs = cluster.dependent.iter().map(|v| cluster.dofs[*v]);
-        let tabled = dofs.filter(|dof| seeds.columns.contains(&dof.q));
-        let error = tabled.fold(0.0_f64, |error, dof| {
-            error.max((q[dof.q] - center.q[dof.q]).abs() / column_unit(cluster, dof.v))
+        let error = cluster.dependent.iter().fold(0.0_f64, |error, v| {
+            let i = cluster.dofs[*v].q;
+            error.max((q[i] - center.q[i]).abs() / column_unit(cluster, *v))
         });
-        // a seed has the turns of rods at the zero pose
-        let rods = self.numerical.reduced.iter().flat_map(|reduced| &reduced.found);
-        let angles = rods.map(|(_, i)| (center.q[*i] - zero[*i]).abs());
-        let are_angles = angles.fold(0.0, f64::max) < ANGLE;
-        are_angles && error < ERROR && error * error * gain < CLEAR * CLEAR
+        error < ERROR && error * error * gain < CLEAR * CLEAR
     }
 }
 
@@ -304,21 +294,20 @@ impl Table<'_> {
 fn values(
     cluster: &Cluster<f64>,
     zero: &[f64],
-    solved: &[usize],
+    columns: &[usize],
     axes: &[Axis],
     nodes: &[Option<Node>],
 ) -> Vec<f32> {
     let grid = Grid::of_nodes(axes);
     let n = axes.len();
-    let m = solved.len();
+    let m = columns.len();
     let stride = m.next_multiple_of(LANES);
     let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
     let mut values = vec![0.0; (grid.len() * stride) << n];
     for (number, node) in nodes.iter().enumerate() {
         let Some(node) = node else { continue };
-        for (a, v) in solved.iter().enumerate() {
-            let i = cluster.dofs[*v].q;
-            values[at(number, 0, a)] = node.q[i] - zero[i];
+        for (a, (v, i)) in cluster.dependent.iter().zip(columns).enumerate() {
+            values[at(number, 0, a)] = node.q[*i] - zero[*i];
             for (k, axis) in axes.iter().enumerate() {
                 values[at(number, 1 << k, a)] = node.G[v * n + k] * axis.step;
             }

@@ -203,17 +203,6 @@
 //! table of such poses. Elsewhere, from a guess, and with another end of Newton's method, that
 //! answers.
 //!
-//! **Rods** of any other mechanism: the two turns of a universal joint whose axes cross at a right
-//! angle, on a link with a ball at its other end, enter the loops only through the length ℓ of that
-//! link. Newton's method solves one row in place of the three of the ball, with P the center of the
-//! universal joint and S that of the ball:
-//!
-//! ```text
-//!   φ = ½ (|d|² − ℓ²) / ℓ,    d = p_S − p_P,    φ̇ = d · ḋ / ℓ,    φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
-//! ```
-//! and n and m follow as those of a rod of 2SURRPR+1U, on the side of z on which they were. K, k
-//! and λ are those of the three rows. Singular where the other rows are, and where z = 0.
-//!
 //! # 6UPS
 //!
 #![doc = include_str!("../../docs/ups6.svg")]

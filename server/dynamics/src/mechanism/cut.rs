@@ -22,15 +22,12 @@ pub(crate) struct Cut<T> {
     /// True when, where the cut is closed, θ keeps to one line or is zero: rows of ω have the span
     /// of those of θ̇ then.
     pub(crate) on_line: bool,
-    /// Of the only row of a rod: the distance that it holds between the origins of P and S.
-    pub(crate) distance: Option<T>,
 }
 
 constants! { Cut:
     keep predecessor successor path angular on_line;
     map x_p_cut x_s_cut;
     each rows;
-    other distance: |f, x| f(*x);
 }
 
 /// One row of a cut, of unit length, or a linear coupling when `terms` is not empty.

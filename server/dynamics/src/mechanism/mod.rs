@@ -15,4 +15,4 @@ pub(crate) use cut::{Cut, CutRow, Screw};
 pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use terms::{Damper, JointTerms, Rotor, Spring};
 pub(crate) use turns::{read_turns, turn, turn_some};
-pub(crate) use winding::{TURN, Winding, Windings};
+pub(crate) use winding::{Winding, Windings};

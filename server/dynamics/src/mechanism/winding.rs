@@ -12,7 +12,7 @@ use core::f64::consts::{PI, TAU};
 use crate::scalar::Real;
 
 /// 2π as the sum of two doubles.
-pub(crate) const TURN: [f64; 2] = [TAU, 2.449_293_598_294_706_4e-16];
+const TURN: [f64; 2] = [TAU, 2.449_293_598_294_706_4e-16];
 
 /// The dependent revolute joints of a cluster that a closed form closes; none of another cluster.
 #[derive(Clone, Debug, Default)]

@@ -1,16 +1,15 @@
 //! The parts in which the loops of a cluster are closed.
 
-use crate::closure::{Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Step};
+use crate::closure::{Block, Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Step};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 
 /// A set of rows that determines as many joints once the parts before it are closed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// `linear` of couplings; `dyad`, `leg` and the angles of a `rod` in closed form; `newton`.
-    /// Where a table has closed poses ([`ClosureAtZero::seeds`](crate::ClosureAtZero)) a closed
-    /// form other than of rods is that of its cells, and Newton's method on the rows answers
-    /// beyond them and from a guess.
+    /// `linear` of couplings; `dyad` and `leg` in closed form; `newton`. Where a table has closed
+    /// poses ([`ClosureAtZero::seeds`](crate::ClosureAtZero)) a closed form is that of its cells,
+    /// and Newton's method on the rows answers beyond them and from a guess.
     pub method: &'static str,
     /// Number of its rows, dropped ones not counted.
     pub rows: usize,
@@ -79,9 +78,6 @@ fn dyads(of: &Dyads<f64>) -> Vec<(&'static str, Vec<usize>)> {
 fn blocks(numerical: &Numerical<f64>) -> Vec<(&'static str, Vec<usize>)> {
     let blocks = numerical.choices[0].blocks.iter();
     let method = |couples| if couples { "linear" } else { "newton" };
-    let rods = numerical.reduced.iter().flat_map(|reduced| &reduced.rods);
-    blocks
-        .map(|block| (method(block.couples), block.unknowns.iter().map(|dof| dof.v).collect()))
-        .chain(rods.map(|rod| ("rod", rod.turns.to_vec())))
-        .collect()
+    let joints = |block: &Block| block.unknowns.iter().map(|dof| dof.v).collect();
+    blocks.map(|block| (method(block.couples), joints(block))).collect()
 }

@@ -21,7 +21,7 @@ pub(super) fn write<T: Real>(
     }
     let links = Links::of(model, &ws.world, &ws.motion);
     // a robot without mass has no centre of it
-    if field != Field::Energy && !(links.mass > T::ZERO) {
+    if field != Field::Energy && !T::ZERO.lt(links.mass) {
         return Status::MassNotPositive;
     }
     match field {

@@ -221,30 +221,6 @@ impl<'a, T: Real> CutState<'a, T> {
     }
 }
 
-impl<T: Real> CutState<'_, T> {
-    /// d · d̈ + ḋ · ḋ at q̈ = 0 of d = p_S − p_P, from the rates of the two bodies.
-    #[inline]
-    pub(in crate::closure) fn distance_acceleration(
-        &self,
-        cut: &Cut<T>,
-        pose: &[Pose<T>],
-        rate: &[Rate<T>],
-    ) -> T {
-        // v, a: of S against the predecessor's point that coincides with it
-        let at = |end: usize| {
-            let x = &rate[end];
-            let r = self.point - pose[end].p;
-            let v = x.v.add_cross(x.w, r);
-            (v, x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r)))
-        };
-        let (v_s, a_s) = at(cut.successor);
-        let (v_p, a_p) = at(cut.predecessor);
-        let v = v_s - v_p;
-        let turning = rate[cut.predecessor].w.cross(self.d);
-        self.d.dot(a_s - a_p) + v.dot(v) + v.dot(turning) * T::from_f64(2.0)
-    }
-}
-
 /// The whole turns of a screw: of all its angles the nearest to the one that its joints have made,
 /// less the principal one.
 fn turns<T: Real>(cluster: &Cluster<T>, screw: &Screw<T>, of: &Angular<T>, q: &[T]) -> T {
@@ -360,10 +336,7 @@ fn jacobian<'a, T: Real>(
                 of_row[*j] = *c;
             }
             if row.terms.is_empty() {
-                let (linear, angular) = match cut.distance {
-                    Some(length) => (state.d * (T::ONE / length), zero()),
-                    None => state.directions(row),
-                };
+                let (linear, angular) = state.directions(row);
                 for &(j, on_successor) in &cut.path {
                     let at = &cluster.dofs[j];
                     let (w, v) = state.twist(at, &pose[at.body + 1], on_successor);

@@ -25,18 +25,16 @@ impl Block {
         let g = &mut *local.g;
         for rows in &self.cuts {
             let at = RowsAt::new(rows, &cuts[rows.cut], &scratch.pose);
-            if rows.kind == RowKind::Distance {
-                let second = at.state.distance_acceleration(at.cut, at.pose, &scratch.rate);
-                scratch.B[rows.rows[0].1] = -(second / at.length());
-            } else {
-                let ball = rows.kind == RowKind::Ball;
-                let rate = &scratch.rate;
-                let second = at.state.acceleration(at.cut, at.pose, rate, ball);
-                for (k, &(r, i)) in rows.rows.iter().enumerate() {
-                    let row = &at.cut.rows[r];
-                    let along = || row_acceleration(at.cut, row, &at.state, &second, rate);
-                    scratch.B[i] = if ball { -second.0[k] } else { -rows.in_lengths(k, along()) };
-                }
+            let ball = rows.kind == RowKind::Ball;
+            let second = at.state.acceleration(at.cut, at.pose, &scratch.rate, ball);
+            for (k, &(r, i)) in rows.rows.iter().enumerate() {
+                let row = &at.cut.rows[r];
+                scratch.B[i] = if ball {
+                    -second.0[k]
+                } else {
+                    let rate = &scratch.rate;
+                    -rows.in_lengths(k, row_acceleration(at.cut, row, &at.state, &second, rate))
+                };
             }
             if !rows.earlier.is_empty() {
                 let directions = at.directions();

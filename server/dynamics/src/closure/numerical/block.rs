@@ -81,8 +81,6 @@ pub(crate) enum RowKind {
     Ball,
     /// Directions of the predecessor along which the points coincide.
     Linear,
-    /// The distance of a rod: ½ (|p_S − p_P|² − ℓ²) / ℓ.
-    Distance,
     /// Angular rows or couplings among them.
     Any,
 }
@@ -211,11 +209,6 @@ impl Block {
                 let value = match rows.kind {
                     RowKind::Ball => at.state.d[k],
                     RowKind::Linear => directions.linear[k].dot(at.state.d),
-                    RowKind::Distance => {
-                        let length = at.length();
-                        let half = T::from_f64(0.5) / length;
-                        (at.state.d.dot(at.state.d) - length * length) * half
-                    }
                     RowKind::Any => {
                         rows.in_lengths(k, at.state.value(cluster, &at.cut.rows[r], local.q))
                     }
@@ -253,19 +246,11 @@ impl<'a, T: Real> RowsAt<'a, T> {
         RowsAt { rows, cut, pose, state: CutState::new(cut, pose) }
     }
 
-    /// ℓ of a rod.
-    #[inline(always)]
-    pub(super) fn length(&self) -> T {
-        self.cut.distance.unwrap_or(T::ONE)
-    }
-
     /// Directions of the rows, in their order here.
     #[inline(always)]
     pub(super) fn directions(&self) -> Directions<T> {
         let mut directions = Directions { linear: [zero(); 6], angular: [zero(); 6] };
-        if self.rows.kind == RowKind::Distance {
-            directions.linear[0] = self.state.d * (T::ONE / self.length());
-        } else if self.rows.kind != RowKind::Ball {
+        if self.rows.kind != RowKind::Ball {
             for (k, &(r, _)) in self.rows.rows.iter().enumerate() {
                 (directions.linear[k], directions.angular[k]) =
                     self.state.directions(&self.cut.rows[r]);
@@ -291,8 +276,7 @@ impl<'a, T: Real> RowsAt<'a, T> {
                 }
                 return;
             }
-            // the sides' own points differ along d alone, across which a turn moves them apart
-            RowKind::Linear | RowKind::Distance => {
+            RowKind::Linear => {
                 for (k, &(_, i)) in self.rows.rows.iter().enumerate() {
                     each(i, directions.linear[k].dot(v));
                 }

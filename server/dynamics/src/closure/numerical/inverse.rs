@@ -23,12 +23,6 @@ pub(in crate::closure) fn accurate<T: Real>(square: T, size: T) -> bool {
     (size * size * size * T::from_f64(floor * floor)).lt(square * square * square)
 }
 
-/// True if a narrow block is regular, from its 1/sin².
-#[inline(always)]
-pub(super) fn is_sound<T: Real>(gain: T) -> bool {
-    (gain * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(T::ONE)
-}
-
 /// Least pivot of a wide block against the largest entry of its row.
 pub(super) const fn least_pivot<T: Real>() -> f64 {
     SINGULAR.max(PIVOT_ROUNDINGS * T::EPSILON)

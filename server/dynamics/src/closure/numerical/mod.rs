@@ -16,7 +16,6 @@ mod form;
 mod inverse;
 mod jacobian;
 mod newton;
-mod rods;
 pub(crate) mod seeds;
 mod series;
 mod straight;
@@ -37,7 +36,6 @@ use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 pub(crate) use form::{Form, Formed};
-pub(crate) use rods::{Reduced, Rod};
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;
@@ -80,8 +78,6 @@ pub(crate) struct Numerical<T> {
     /// The closed form that holds where there are seeds.
     pub(crate) form: Option<Box<Formed<T>>>,
     pub(crate) end: End,
-    /// The rows and unknowns of the blocks, where rods are left out of them.
-    pub(crate) reduced: Option<Box<Reduced<T>>>,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,
 }
@@ -90,7 +86,6 @@ constants! { Numerical:
     keep choices turns seeds end meets;
     list zero;
     other form: |f, form| Box::new(form.map(f));
-    other reduced: |f, reduced| Box::new(reduced.map(f));
 }
 
 /// A whole turn of an independent joint that brings the loops back to the same pose.
@@ -126,7 +121,6 @@ impl<T: Real> Numerical<T> {
             turns: Vec::new(),
             seeds: None,
             form: None,
-            reduced: None,
             end: End { tolerance: None, steps: STEPS },
             meets: false,
         }
@@ -143,12 +137,6 @@ impl<T: Real> Numerical<T> {
     #[inline(always)]
     pub(in crate::closure) fn chosen(&self, scratch: &Scratch<T>) -> &Blocks {
         &self.choices[scratch.choice]
-    }
-
-    /// The cluster of the blocks' rows and unknowns.
-    #[inline(always)]
-    fn solved<'a>(&'a self, cluster: &'a Cluster<T>) -> &'a Cluster<T> {
-        self.reduced.as_ref().map_or(cluster, |reduced| &reduced.cluster)
     }
 
     /// Takes the choice of rows that is farthest from a singular pose at the closed pose in
@@ -185,14 +173,8 @@ impl<T: Real> Numerical<T> {
         moved: T,
     ) -> (bool, u32) {
         local.scratch.pose[0] = Pose::identity();
-        if let Some(reduced) = &self.reduced {
-            reduced.turn(local);
-        } else {
-            let turns =
-                bodies.iter().enumerate().filter(|(_, body)| body.motion == Motion::Revolute);
-            turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
-        }
-        let cluster = self.solved(cluster);
+        let turns = bodies.iter().enumerate().filter(|(_, body)| body.motion == Motion::Revolute);
+        turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
         let mut good = true;
         let mut taken = 0;
         let Blocks { blocks, after, .. } = self.chosen(local.scratch);
@@ -217,9 +199,6 @@ impl<T: Real> Numerical<T> {
         }
         for &j in after {
             place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
-        }
-        if good && let Some(reduced) = &self.reduced {
-            good = reduced.close(blocks.len(), local);
         }
         (good, taken)
     }
@@ -248,7 +227,6 @@ impl<T: Real> Numerical<T> {
             return;
         }
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
-        let cluster = self.solved(cluster);
         for (b, block) in blocks.iter().enumerate().filter(|(_, block)| block.remember) {
             local.scratch.spend(block.work);
             local.scratch.branch[b] = block.determinant(cluster, local);
@@ -264,7 +242,6 @@ impl<T: Real> Numerical<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> bool {
-        let cluster = self.solved(cluster);
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -282,7 +259,7 @@ impl<T: Real> Numerical<T> {
             good &= sound;
         }
         if level == Level::Jacobian {
-            return good & self.reduced.as_ref().is_none_or(|of| of.rates(local, level));
+            return good;
         }
         for block in blocks {
             for &Dof { v: j, .. } in &block.unknowns {
@@ -303,7 +280,7 @@ impl<T: Real> Numerical<T> {
                 block.bias(cluster, local);
             }
         }
-        good & self.reduced.as_ref().is_none_or(|of| of.rates(local, level))
+        good
     }
 }
 
@@ -398,7 +375,6 @@ impl<T: Real> Numerical<T> {
     ) {
         local.scratch.choice = 0;
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
-        let cluster = self.solved(cluster);
         for (b, block) in self.choices[0].blocks.iter().enumerate() {
             local.scratch.branch[b] = block.determinant(cluster, local);
         }
@@ -448,8 +424,7 @@ impl<T: Real> Numerical<T> {
     /// The largest gain of the blocks, at least 1.
     #[inline(always)]
     fn gain(&self, local: &Local<'_, T>) -> T {
-        let rods = self.reduced.as_ref().map_or(0, |reduced| reduced.rods.len());
-        let gains = &local.scratch.gain[..self.chosen(local.scratch).blocks.len() + rods];
+        let gains = &local.scratch.gain[..self.chosen(local.scratch).blocks.len()];
         gains.iter().fold(T::ONE, |largest, gain| largest.larger(*gain))
     }
 

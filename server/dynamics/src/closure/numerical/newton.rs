@@ -42,7 +42,7 @@ use crate::scalar::Real;
 const TRUST: f64 = 0.5;
 /// Part of a block's distance to singularity that independents and first step may go: a longer path
 /// could lead through a place where the loops do not close, and out of it on the other side.
-pub(super) const CAUTION: f64 = 0.7;
+const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
 const CONTRACTION: f64 = 0.3;
 /// Part of the distance to singularity below which a step of a wide block keeps its inverse.

@@ -3,14 +3,13 @@
 
 mod agreement;
 mod dyads;
-mod lengths;
 mod loops;
 mod parallelogram;
 mod planar;
 mod platform;
 mod rods;
 
-use crate::closure::{self, Closure, Formed, Numerical, Reduced, constraint_residual};
+use crate::closure::{self, Closure, Formed, Numerical, constraint_residual};
 use crate::compile::couplings::poses_at;
 use crate::compile::geometry::norm;
 use crate::description::SubmechanismKind;
@@ -125,17 +124,6 @@ pub(super) fn recognised(
         _ => closure::Form::Dyads(dyads::read(&of).ok().filter(|of| fits(&of.1))?.0),
     };
     Some(Box::new(Formed { form, windings: Vec::new() }))
-}
-
-/// The cluster with one row in place of the three of each rod, if it has any up to rounding.
-pub(super) fn without_rods(
-    cluster: &Cluster<Dd>,
-    bodies: &[Body<Dd>],
-    zero: &[Dd],
-    rounding: f64,
-) -> Option<Reduced<Dd>> {
-    let of = Reading::new(cluster, bodies, &[], zero);
-    if of.is_closed && of.open(zero) <= rounding { lengths::reduced(&of, rounding) } else { None }
 }
 
 /// True for a plane loop of four joints of which two assemblies can meet.
