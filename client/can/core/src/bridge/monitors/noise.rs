@@ -1,16 +1,21 @@
 //! The encoder's own noise, learned from a joint at rest without power, where nothing else moves.
 //!
-//! An encoder is noisy if at least half of a row of reports differ from the one before, over two
-//! codes or more: then it leaves every code soon, wherever it is between two of them.
+//! An encoder is noisy if at least half of the reports of each of three rows differ from the one
+//! before, over two codes or more: then it leaves every code soon, wherever it is between two of
+//! them. One that is quieter, for five of six reports on one code, looks so for a row by chance.
 
 use crate::state::state;
 
 /// Reports that are judged together.
 const ROW: u32 = 24;
+/// Rows one after the other.
+const ROWS: u32 = 3;
 /// Codes that the reports spread over.
 const SPREAD: f64 = 1.5;
-/// A noisy encoder, and a dithered joint, leave each code within this time `[s]`.
+/// A noisy encoder leaves each code within this time, and so many reports `[s]`.
 pub(super) const NOISY: f64 = 0.1;
+pub(super) const REPORTS: f64 = 48.0;
+/// And a dithered joint within this time `[s]`.
 pub(super) const DITHERED: f64 = 0.2;
 /// Time of one swing of a dither `[s]`.
 pub(in crate::bridge) const DITHER: f64 = 0.1;
@@ -22,7 +27,8 @@ pub(in crate::bridge) struct Noise {
     last: f64,
     low: f64,
     high: f64,
-    is_noisy: bool,
+    /// Noisy rows until now.
+    n_noisy: u32,
 }
 
 impl Noise {
@@ -37,7 +43,8 @@ impl Noise {
         (self.last, self.n) = (position, self.n + 1);
         if self.n == ROW {
             let is_spread = self.high - self.low > SPREAD * step;
-            self.is_noisy = is_spread && 2 * self.n_changed >= ROW;
+            let is_noisy = is_spread && 2 * self.n_changed >= ROW;
+            self.n_noisy = if is_noisy { (self.n_noisy + 1).min(ROWS) } else { 0 };
             self.n = 0;
         }
     }
@@ -48,8 +55,28 @@ impl Noise {
     }
 
     pub(super) fn is_noisy(&self) -> bool {
-        self.is_noisy
+        self.n_noisy == ROWS
     }
 }
 
-state!(Noise { n, n_changed, last, low, high, is_noisy });
+state!(Noise { n, n_changed, last, low, high, n_noisy });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_noisy_rows_are_noise_and_one_is_chance() {
+        let mut noise = Noise::default();
+        let row = |noise: &mut Noise, code: fn(u32) -> f64| {
+            (0..ROW).for_each(|i| noise.learn(code(i), 1.0));
+            noise.is_noisy()
+        };
+        let quiet = |i: u32| f64::from(i % 6 == 5);
+        let noisy = |i: u32| f64::from(i % 3);
+        assert!(!row(&mut noise, noisy) && !row(&mut noise, noisy) && !row(&mut noise, quiet));
+        assert!(!row(&mut noise, noisy) && !row(&mut noise, noisy));
+        assert!(row(&mut noise, noisy) && row(&mut noise, noisy));
+        assert!(!row(&mut noise, quiet));
+    }
+}

@@ -26,7 +26,7 @@ const FORGOTTEN: f64 = 0.02;
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::bridge) struct Punctual {
     /// Mean interval `[s]`, and of how many.
-    mean: f64,
+    pub(super) mean: f64,
     n_intervals: f64,
     /// The motor was not asked until nothing was on its way any more, or for other things.
     has_paused: bool,

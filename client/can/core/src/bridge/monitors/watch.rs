@@ -121,7 +121,7 @@ impl Motor {
     /// How long its position may stay one code.
     fn dwell(&self) -> f64 {
         if self.noise.is_noisy() {
-            noise::NOISY
+            noise::NOISY.max(noise::REPORTS * self.monitors.punctual.mean)
         } else if self.is_dithered {
             noise::DITHERED
         } else {

@@ -336,11 +336,11 @@ fn a_joint_that_cannot_stop_before_its_limit_is_stopped_in_time() {
     assert!(line.run(9, hidden).is_some());
     // 2 rad/s, which five measurements in two cycles do not double where one waited for three
     let mut line = Line::new();
-    line.before = at(0.62, 2.0)(0.0);
+    line.before = at(0.66, 2.0)(0.0);
     (line.elapsed, line.late) = (4.0 * PERIOD, [0.0, 3.0 * PERIOD]);
-    assert_eq!(line.see(at(0.62, 2.0)(1.0)), None);
+    assert_eq!(line.see(at(0.66, 2.0)(1.0)), None);
     (line.elapsed, line.late) = (PERIOD, [3.0 * PERIOD, 0.0]);
-    assert_eq!(line.see(at(0.62, 2.0)(5.0)), None);
+    assert_eq!(line.see(at(0.66, 2.0)(5.0)), None);
     // slowly to the limit itself
     assert_eq!(first(0.99, 0.1), None);
 }
