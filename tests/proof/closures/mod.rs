@@ -26,13 +26,6 @@ fn compile(description: &Description) -> Compiled {
     Model::compile(description).unwrap_or_else(|error| panic!("{}: {error:?}", description.name))
 }
 
-/// The robot with a type that names no closed form.
-fn unnamed(description: &Description) -> Compiled {
-    let mut description = description.clone();
-    description.submechanisms[0].kind = Kind::Numerical;
-    compile(&description)
-}
-
 /// The robot with every mechanism closed by Newton's method.
 fn numerical(description: &Description) -> Compiled {
     let mut description = description.clone();
