@@ -72,8 +72,10 @@ class Commands(unittest.TestCase):
             motor = MOTOR.format(id=1, reply=17).replace("motor1", "ElbowAct")
             path.write_text("robot: lambda\ncommissioning: none" + ROBOT + motor)
             bridge = _native.Bridge(_native.Configuration.load(path))
-        for own, counted in ((Robot.bundled("lambda").fingerprint, "accepted"),
-                             (Robot.bundled("torso").fingerprint, "wrong_model")):
+        for own, counted in (
+            (Robot.bundled("lambda").fingerprint, "accepted"),
+            (Robot.bundled("torso").fingerprint, "wrong_model"),
+        ):
             name = f"controller-{os.getpid()}-{counted}"
             service = _native.Service(name)
             with_own = Controller(name, fingerprint=own)

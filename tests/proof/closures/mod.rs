@@ -7,7 +7,7 @@ mod dyads;
 mod known;
 mod winding;
 
-use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, PlanScalar, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};

@@ -96,7 +96,7 @@ pub fn eliminate<T: Real>(mut A: Matrix<T>, mut B: Matrix<T>) -> (Matrix<T>, f64
                 }
             }
         }
-        if !(best.2 > 1e-14) {
+        if best.2.is_nan() || best.2 <= 1e-14 {
             break;
         }
         least = least.min(best.2);

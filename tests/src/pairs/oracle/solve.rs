@@ -132,7 +132,7 @@ impl Oracle<'_> {
                 .iter()
                 .enumerate()
                 .fold(0.0, |size: f64, (v, x)| size.max(x.to_f64().abs() / self.unit(v)));
-            if !(size < LONGEST) {
+            if size.is_nan() || size >= LONGEST {
                 return None;
             }
             self.advance(q, &by);
