@@ -1,7 +1,7 @@
 //! The whole state of a bridge as numbers, for logs that begin anywhere.
 //!
 //! One function of each type both writes its state and reads it, so that the order is the same. The
-//! macro [`state`] makes it from the fields: those that change, then those that the configuration
+//! macro `state` makes it from the fields: those that change, then those that the configuration
 //! fixes, so that no field can be left out. Nothing here allocates.
 
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Reason};

@@ -37,11 +37,7 @@ class Tap:
         self.backlog, self.close = adapter.backlog, adapter.close
         self._adapter, self._bus = adapter, bus
         self._recorder, self._dry_run = recorder, dry_run
-
-    @property
-    def age(self) -> float:
-        """The adapter's."""
-        return self._adapter.age
+        self.age = 0.0
 
     def send(self, frames: Sequence[Frame]) -> int:
         """Send frames, then record the sent ones; a dry run records all of them."""
@@ -56,6 +52,7 @@ class Tap:
         for heard in self._adapter.receive():
             if self._recorder is not None and isinstance(heard, Frame):
                 self._recorder.put(self._bus, heard, received=True)
+            self.age = self._adapter.age
             yield heard
 
 
