@@ -10,7 +10,7 @@ use sarrus_tests::rigid::{Vector, add, cross, unit};
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
-use super::{X, Y_AXIS, Z, agrees, compile, numerical};
+use super::{X, Y_AXIS, Z, agrees, compile, numerical, unnamed};
 use Field::*;
 
 /// Deviations of a wrist from the closed form's assumptions.
@@ -178,7 +178,7 @@ fn two_hundred_and_forty_wrists_are_where_newtons_method_has_them() {
         let draft = wrist(seed, seed % 8 == 0, Shape { idle: seed % 5 == 0, ..Shape::default() });
         let description = draft.description();
         let form = compile(&description);
-        let newton = numerical(&description);
+        let newton = unnamed(&description);
         assert_eq!(
             (kind(&form), kind(&newton)),
             (ClosureKind::Analytic, ClosureKind::Numerical),
@@ -248,7 +248,7 @@ fn a_wrist_that_is_not_of_the_type_is_closed_by_newtons_method() {
 fn newtons_method_is_kept_where_a_guess_or_a_tolerance_asks_for_it() {
     for seed in 0..12 {
         let draft = wrist(seed, false, Shape { driven: true, ..Shape::default() });
-        let model = numerical(&draft.description()).model;
+        let model = unnamed(&draft.description()).model;
         let (y, _) = state(&draft, &mut Seeded::new(seed));
         let zero = vec![0.0; model.sizes().n_q];
         let steps = |model: &_, guess: bool| {

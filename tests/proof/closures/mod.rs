@@ -7,7 +7,7 @@ mod dyads;
 mod known;
 mod winding;
 
-use sarrus_dynamics::description::Description;
+use sarrus_dynamics::description::{Description, SubmechanismKind};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{ClosureKind, Compiled, Field, Model, PlanScalar, Request, Status};
 use sarrus_tests::compare::{error_by_size, largest};
@@ -24,6 +24,13 @@ const Z: Vector = [0.0, 0.0, 1.0];
 
 fn compile(description: &Description) -> Compiled {
     Model::compile(description).unwrap_or_else(|error| panic!("{}: {error:?}", description.name))
+}
+
+/// The robot with a type that names no closed form.
+fn unnamed(description: &Description) -> Compiled {
+    let mut description = description.clone();
+    description.submechanisms[0].kind = SubmechanismKind::Numerical;
+    compile(&description)
 }
 
 /// The robot with every mechanism closed by Newton's method.
