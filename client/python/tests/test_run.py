@@ -62,6 +62,8 @@ def until(condition):
 class Bus:
     """A bus that keeps what it is given, and fails as a test says."""
 
+    age = 0.0
+
     def __init__(self, name):
         self.address = Address(name, "virtual", name)
         self.sent, self.heard = [], []
