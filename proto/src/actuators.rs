@@ -111,7 +111,7 @@ wire_enum! {
         Moving = 33, "moving";
         /// The configuration names a robot, and no record of its commissioning fits.
         NotCommissioned = 34, "not_commissioned";
-        /// A motor reports another position than before nobody saw it: an operator confirms it.
+        /// A motor is back at another position than the last known one: an operator confirms it.
         PositionChanged = 35, "position_changed";
     }
 }
@@ -127,7 +127,7 @@ wire_enum! {
         Reset = 3, "reset";
         /// Move actuators outside their limits back inside, slowly, then remove power.
         Return = 4, "return";
-        /// Believe the positions of motors that changed while nobody saw them.
+        /// Believe the positions of motors that differ from the last known ones.
         Confirm = 5, "confirm";
     }
 }
@@ -164,7 +164,7 @@ pub mod flag {
     pub const UNCOMMISSIONED: u32 = 1 << 13;
     /// Nothing tells a frozen encoder from a joint at rest.
     pub const FROZEN_UNDETECTABLE: u32 = 1 << 14;
-    /// The motor reports another position than before nobody saw it.
+    /// The motor is back at another position than the last known one.
     pub const POSITION_CHANGED: u32 = 1 << 15;
     /// Name of each bit, from the lowest.
     pub const NAMES: [&str; 16] = [

@@ -644,7 +644,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_NOT_COMMISSIONED = 34,
     /**
-     * A motor reports another position than before nobody saw it: an operator confirms it.
+     * A motor is back at another position than the last known one: an operator confirms it.
      */
     SARRUS_REASON_POSITION_CHANGED = 35,
 };
@@ -681,7 +681,7 @@ enum sarrus_operation
      */
     SARRUS_OPERATION_RETURN = 4,
     /**
-     * Believe the positions of motors that changed while nobody saw them.
+     * Believe the positions of motors that differ from the last known ones.
      */
     SARRUS_OPERATION_CONFIRM = 5,
 };
@@ -762,7 +762,7 @@ enum sarrus_flag
      */
     SARRUS_FLAG_FROZEN_UNDETECTABLE = (1 << 14),
     /**
-     * The motor reports another position than before nobody saw it.
+     * The motor is back at another position than the last known one.
      */
     SARRUS_FLAG_POSITION_CHANGED = (1 << 15),
 };

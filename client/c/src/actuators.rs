@@ -98,7 +98,7 @@ pub enum Reason {
     Moving = 33,
     /// The configuration names a robot, and no record of its commissioning fits.
     NotCommissioned = 34,
-    /// A motor reports another position than before nobody saw it: an operator confirms it.
+    /// A motor is back at another position than the last known one: an operator confirms it.
     PositionChanged = 35,
 }
 
@@ -114,7 +114,7 @@ pub enum Operation {
     Reset = 3,
     /// Move actuators outside their limits slowly back inside, then remove the power.
     Return = 4,
-    /// Believe the positions of motors that changed while nobody saw them.
+    /// Believe the positions of motors that differ from the last known ones.
     Confirm = 5,
 }
 
@@ -152,7 +152,7 @@ pub enum Flag {
     Uncommissioned = 1 << 13,
     /// Nothing tells a frozen encoder from a joint at rest.
     FrozenUndetectable = 1 << 14,
-    /// The motor reports another position than before nobody saw it.
+    /// The motor is back at another position than the last known one.
     PositionChanged = 1 << 15,
 }
 

@@ -1,6 +1,7 @@
 //! `sarrus-can run`: the bridge on the robot.
 
 use std::io::Write;
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,8 +11,8 @@ use std::time::Duration;
 
 use clap::Args;
 use rustix::process::{Pid, Signal, getppid};
-use sarrus_can_core::config::Configuration;
-use sarrus_can_run::bus::{Address, Reconnecting, own};
+use sarrus_can_core::config::{BusConfig, Configuration};
+use sarrus_can_run::bus::{Address, Bus, Reconnecting, own};
 use sarrus_can_run::stderr::{self, say};
 use sarrus_can_run::{Settings, prepare};
 use signal_hook::consts::{
@@ -38,6 +39,8 @@ const ENDS: [i32; 13] = [
 
 /// Usual priority of the threads under SCHED_FIFO.
 pub(crate) const PRIORITY: u8 = 60;
+
+type Error = Box<dyn std::error::Error>;
 
 /// Flags of `run`.
 #[derive(Args)]
@@ -80,11 +83,7 @@ impl Run {
         Ok(code)
     }
 
-    fn bridge(
-        &self,
-        configuration: Configuration,
-        parent: Option<Pid>,
-    ) -> Result<(), Box<dyn std::error::Error>> {
+    fn bridge(&self, configuration: Configuration, parent: Option<Pid>) -> Result<(), Error> {
         let stop = Arc::new(AtomicBool::new(false));
         end_by_signals(&stop)?;
         let settings = Settings {
@@ -94,11 +93,7 @@ impl Run {
             log: self.log.clone(),
         };
         let mut owned = Vec::new();
-        let prepared = prepare(configuration, settings, stop.clone(), |config| {
-            let address = Address::of(config);
-            owned.extend(own(&address)?);
-            Ok(Box::new(Reconnecting::open(&config.name, address)?))
-        })?;
+        let prepared = prepare(configuration, settings, stop.clone(), |bus| open(bus, &mut owned))?;
         let fingerprint = prepared.fingerprint();
         let running = prepared.start()?;
         announce(&self.name, fingerprint);
@@ -110,6 +105,13 @@ impl Run {
         }
         running.end().map(drop)
     }
+}
+
+/// Opens a bus; the lock that keeps others off it joins `owned`.
+pub(crate) fn open(bus: &BusConfig, owned: &mut Vec<OwnedFd>) -> Result<Box<dyn Bus>, Error> {
+    let address = Address::of(bus);
+    owned.extend(own(&address)?);
+    Ok(Box::new(Reconnecting::open(&bus.name, address)?))
 }
 
 /// Sets a flag at every signal that would end or stop this program.

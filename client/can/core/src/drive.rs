@@ -355,8 +355,8 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
-    /// Whether measurements carry a counter, without whose step they are none: a sensor that stands
-    /// still is told from a joint that does.
+    /// Whether measurements carry a counter, without whose step they are none: it separates
+    /// a frozen sensor from a joint at rest.
     fn counts(&self) -> bool {
         false
     }

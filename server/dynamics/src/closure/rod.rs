@@ -95,10 +95,10 @@ constants! { Universal:
 }
 
 /// A rod at a pose: from universal joint to ball, that joint's axes, and 1 / z.
-pub(super) struct Reached<T> {
-    pub(super) r: Vector3<T>,
-    pub(super) b: Vector3<T>,
-    pub(super) c: Vector3<T>,
+struct Reached<T> {
+    r: Vector3<T>,
+    b: Vector3<T>,
+    c: Vector3<T>,
     inverse_root: T,
 }
 
@@ -190,7 +190,7 @@ impl<T: Real> RodLeg<T> {
         // the universal joint: z, second turn, first turn
         local.cos_sin[self.crank] = (c0, s0);
         let (r, carrier) = if self.on_crank { (d - arm, &turned) } else { (arm - d, &platform.R) };
-        let (rod, of_rod) = self.universal.reach(carrier, r, self.universal.root, local);
+        let (rod, of_rod) = self.universal.reach(carrier, r, local);
         let size = self.reach_square;
         let validity =
             Validity::of(W_square, size * square).or(Validity::of(square, size)).or(of_rod);
@@ -277,13 +277,12 @@ impl<T> RodLeg<T> {
 }
 
 impl<T: Real> Universal<T> {
-    /// Cosines and sines for the rod r, with this sign of z: z, second turn, first turn.
+    /// Cosines and sines for the rod r: z, second turn, first turn.
     #[inline(always)]
-    pub(super) fn reach(
+    fn reach(
         &self,
         carrier: &Matrix3<T>,
         r: Vector3<T>,
-        root: T,
         local: &mut Local<'_, T>,
     ) -> (Reached<T>, Validity<T>) {
         let axes = carrier.times(self.axes);
@@ -291,7 +290,7 @@ impl<T: Real> Universal<T> {
         let w: Vector3<T> = self.rod;
         let swing_square = self.swing_square;
         let root_square = swing_square - x[0] * x[0];
-        let z = root * root_square.sqrt();
+        let z = self.root * root_square.sqrt();
         let inverse_n = T::ONE / swing_square;
         let c2 = w[0].mul_add(x[0], w[2] * z) * inverse_n;
         let s2 = w[2].mul_add(x[0], -(w[0] * z)) * inverse_n;
@@ -312,19 +311,14 @@ impl<T: Real> Universal<T> {
 impl<T: Real> Reached<T> {
     /// Rates of both turns for a velocity of the ball against the body that carries the joint.
     #[inline(always)]
-    pub(super) fn solve(&self, e: &Vector3<T>) -> [T; 2] {
+    fn solve(&self, e: &Vector3<T>) -> [T; 2] {
         [-(self.c.dot(*e) * self.inverse_root), self.b.dot(*e) * self.inverse_root]
     }
 
     /// Acceleration of the ball against the joint's center at constant rates of both turns, on a
     /// body with these rates.
     #[inline(always)]
-    pub(super) fn acceleration(
-        &self,
-        w: Vector3<T>,
-        alpha: Vector3<T>,
-        [w1, w2]: [T; 2],
-    ) -> Vector3<T> {
+    fn acceleration(&self, w: Vector3<T>, alpha: Vector3<T>, [w1, w2]: [T; 2]) -> Vector3<T> {
         let first = w.add_scaled(self.b, w1);
         let whole = first.add_scaled(self.c, w2);
         let turning = alpha.add_scaled(w.cross(self.b), w1);

@@ -11,8 +11,8 @@ use core::f64::consts::{PI, TAU};
 
 use crate::scalar::Real;
 
-/// 2π as the sum of two doubles.
-const TURN: [f64; 2] = [TAU, 2.449_293_598_294_706_4e-16];
+/// 2π less its double.
+const TAU_REST: f64 = 2.449_293_598_294_706_4e-16;
 
 /// The dependent revolute joints of a cluster that a closed form closes; none of another cluster.
 #[derive(Clone, Debug, Default)]
@@ -63,7 +63,7 @@ impl Winding {
     /// The coordinate of the angle in `q` that continues the one of `start`.
     #[inline]
     pub(crate) fn continued<T: Real>(&self, start: &[T], q: &[T]) -> T {
-        let turn = T::from_f64(TURN[0]) + T::from_f64(TURN[1]);
+        let turn = T::from_f64(TAU) + T::from_f64(TAU_REST);
         let in_turns = |x: T| (x * T::from_f64(1.0 / TAU)).nearest_whole();
         let off = |q: &[T]| {
             let term = |r: T, (k, w): &(usize, f64)| T::from_f64(*w).mul_add(q[*k], r);

@@ -71,7 +71,8 @@ impl<T: Real> View<'_, T> {
         if self.is_plain() {
             return algorithms::frame_acceleration(frame, world, motion);
         }
-        let (alpha, a) = self.accelerated(frame, world, motion);
+        let seen = self.seen(frame, world, motion);
+        let (alpha, a) = self.accelerated(frame, &seen, world, motion);
         // at the frame's origin in all axes
         let at_frame = match self.axes {
             Axes::World => View { axes: Axes::Mixed, ..self },
@@ -90,11 +91,11 @@ impl<T: Real> View<'_, T> {
         if self.is_plain() {
             return algorithms::frame_acceleration(frame, world, motion);
         }
-        let (alpha, a) = self.accelerated(frame, world, motion);
-        let Seen { w, v, .. } = self.seen(frame, world, motion);
+        let seen = self.seen(frame, world, motion);
+        let (alpha, a) = self.accelerated(frame, &seen, world, motion);
         // d/dt (v + p × ω) = a + p × α − ω × v,  d/dt Rᵀ v = Rᵀ (a − ω × v)
         let a = match self.axes {
-            Axes::World | Axes::Local => a.add_cross(v, w),
+            Axes::World | Axes::Local => a.add_cross(seen.v, seen.w),
             _ => a,
         };
         self.turned(frame, world, &pack(&alpha, &a))
@@ -122,7 +123,7 @@ impl<T: Real> View<'_, T> {
 
     /// A motion in root axes at the frame's origin, in the axes and at the point of the view.
     fn turned(self, frame: &Frame<T>, world: &[Pose<T>], motion: &[T; 6]) -> [T; 6] {
-        let [w, v] = [0, 3].map(|k| Vector3::new(motion[k], motion[k + 1], motion[k + 2]));
+        let [w, v] = halves(*motion);
         let at = in_root(frame, world);
         let root = self.reference.map_or_else(Pose::identity, |link| in_root(link, world));
         let (R, v) = match self.axes {
@@ -135,7 +136,6 @@ impl<T: Real> View<'_, T> {
 
     /// Velocity against the reference.
     fn seen(self, frame: &Frame<T>, world: &[Pose<T>], motion: &[BodyState<T>]) -> Seen<T> {
-        let halves = |x: [T; 6]| [0, 3].map(|k| Vector3::new(x[k], x[k + 1], x[k + 2]));
         let [w, v] = halves(algorithms::frame_twist(frame, world, motion));
         let p = in_root(frame, world).p;
         match self.reference {
@@ -148,18 +148,18 @@ impl<T: Real> View<'_, T> {
         }
     }
 
-    /// Acceleration against the reference, in root axes: α − α_L − ω_L × ω,
-    /// a − a_L − α_L × p − ω_L × (ω_L × p) − 2 ω_L × v.
+    /// Acceleration against the reference, for the velocity against it, in root axes:
+    /// α − α_L − ω_L × ω, a − a_L − α_L × p − ω_L × (ω_L × p) − 2 ω_L × v.
     fn accelerated(
         self,
         frame: &Frame<T>,
+        seen: &Seen<T>,
         world: &[Pose<T>],
         motion: &[BodyState<T>],
     ) -> (Vector3<T>, Vector3<T>) {
-        let halves = |x: [T; 6]| [0, 3].map(|k| Vector3::new(x[k], x[k + 1], x[k + 2]));
         let [alpha, a] = halves(algorithms::frame_acceleration(frame, world, motion));
         let Some(link) = self.reference else { return (alpha, a) };
-        let Seen { p, w, v } = self.seen(frame, world, motion);
+        let Seen { p, w, v } = *seen;
         let [w_of, _] = halves(algorithms::frame_twist(link, world, motion));
         let [alpha_of, a_of] = halves(algorithms::frame_acceleration(link, world, motion));
         let turning = w_of.cross(p);
@@ -169,4 +169,9 @@ impl<T: Real> View<'_, T> {
             a - a_of - alpha_of.cross(p) - w_of.cross(turning) - coriolis - coriolis,
         )
     }
+}
+
+/// Angular and linear part.
+fn halves<T: Real>(x: [T; 6]) -> [Vector3<T>; 2] {
+    [0, 3].map(|k| Vector3::new(x[k], x[k + 1], x[k + 2]))
 }

@@ -22,7 +22,6 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use sarrus_can_core::config::{Commissioning, Configuration, Limits};
-use sarrus_can_run::bus::{Address, Reconnecting, own};
 use sarrus_can_run::{Settings, prepare, stderr};
 
 use crate::check::table;
@@ -114,11 +113,8 @@ impl Commission {
             log: None,
         };
         let mut owned = Vec::new();
-        let prepared = prepare(configuration, settings, stop.clone(), |config| {
-            let address = Address::of(config);
-            owned.extend(own(&address)?);
-            Ok(Box::new(Reconnecting::open(&config.name, address)?))
-        })?;
+        let open = |bus: &_| crate::run::open(bus, &mut owned);
+        let prepared = prepare(configuration, settings, stop.clone(), open)?;
         let running = prepared.start()?;
         let mut session = Session::connect(&name, fingerprint, rate_hz, &motors, stop)?;
         let trials = session.all(&motors, &mut model, self.part, self.seconds);

@@ -310,7 +310,6 @@ impl<T: Real> Numerical<T> {
                 local.q[i] = local.start[i];
             }
         }
-        local.from_zero = false;
         let (good, iterations) = if self.meets {
             (false, 0)
         } else {
