@@ -1,50 +1,112 @@
 #!/bin/sh
-# Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh writes
-# target/peers/pinocchio. It needs python3 with venv, clang++ (g++ makes Pinocchio up to twice
-# slower), Eigen, and the network for Pinocchio's wheel.
-set -eu
+# Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh [NAME…]
+# writes target/peers/pinocchio, mujoco, simbody and drake; without names all that this machine can
+# build. Each that cannot be built is named with what it lacks; the exit code is then 1.
+# Needed: python3 with venv and the network for the wheels of all but Simbody, clang++ and Eigen for
+# Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for Simbody.
+set -u
 cd "$(dirname "$0")/../.."
-version=4.1.0
+pinocchio=4.1.0
+mujoco=4.0.0
+drake=1.51.1
 folder=${CARGO_TARGET_DIR:-target}/peers
 
 missing() {
     echo "not built: $1" >&2
-    exit 1
+    return 1
 }
 
-# the newest compiler, or the one that CXX names
-compiler=${CXX:-}
-for name in clang++-19 clang++-18 clang++-17 clang++-16 clang++-15 clang++; do
-    [ -n "$compiler" ] || ! command -v "$name" >/dev/null || compiler=$name
-done
-[ -n "$compiler" ] || missing "clang++ is missing (apt install clang-16, or name a compiler: CXX=…)"
-"$compiler" --version 2>/dev/null | grep -q clang || missing "$compiler is no clang++"
-command -v python3 >/dev/null || missing "python3 is missing (apt install python3 python3-venv)"
-eigen=
-for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
-    [ -n "$eigen" ] || [ ! -f "$place/Eigen/Dense" ] || eigen=$place
-done
-[ -n "$eigen" ] ||
-    missing "Eigen is missing (apt install libeigen3-dev, or say where it is: EIGEN_INCLUDE=…)"
+# a package of this version in the environment of the peers; prints the folder of packages
+packages() {
+    command -v python3 >/dev/null ||
+        missing "python3 is missing (apt install python3 python3-venv)" || return
+    [ -x "$folder/venv/bin/python" ] || python3 -m venv "$folder/venv" ||
+        missing "python3 has no venv (apt install python3-venv)" || return
+    "$folder/venv/bin/python" -m pip install --quiet --disable-pip-version-check "$1==$2" ||
+        missing "pip cannot get $1 $2" || return
+    "$folder/venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))'
+}
 
-# headers from the wheel; its shared libraries are not used, they disagree with -march=native about
-# alignment
+# compile NAME COMPILER FLAGS…
+compile() {
+    name=$1
+    compiler=$2
+    shift 2
+    "$compiler" -std=c++17 -O3 -DNDEBUG -w "benches/peers/$name.cpp" \
+        -o "$folder/$name.$$" "$@" || missing "$name does not compile" || return
+    mv "$folder/$name.$$" "$folder/$name"
+    echo "$folder/$name"
+}
+
+# the newest clang++, or the compiler that CXX names
+clang() {
+    [ -z "${CXX:-}" ] || { echo "$CXX"; return; }
+    for name in clang++-19 clang++-18 clang++-17 clang++-16 clang++-15 clang++; do
+        command -v "$name" && return
+    done
+    return 1
+}
+
+build_pinocchio() {
+    compiler=$(clang) ||
+        missing "clang++ is missing (apt install clang-16, or name a compiler: CXX=…)" || return
+    "$compiler" --version 2>/dev/null | grep -q clang || missing "$compiler is no clang++" || return
+    eigen=
+    for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
+        [ -n "$eigen" ] || [ ! -f "$place/Eigen/Dense" ] || eigen=$place
+    done
+    [ -n "$eigen" ] ||
+        missing "Eigen is missing (apt install libeigen3-dev, or EIGEN_INCLUDE=FOLDER)" || return
+    # headers from the wheel; its shared libraries are not used, they disagree with -march=native
+    # about alignment
+    prefix=$(packages pin "$pinocchio")/cmeel.prefix || return
+    [ -d "$prefix/include/pinocchio" ] || missing "the wheel has no headers in $prefix" || return
+    echo "compiling with $compiler, about two minutes"
+    compile pinocchio "$compiler" -march=native \
+        -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 \
+        -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
+        -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
+        -isystem "$prefix/include" -isystem "$eigen" \
+        -L"$prefix/lib" -lboost_serialization -Wl,-rpath,"$prefix/lib"
+}
+
+build_mujoco() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    place=$(packages mujoco "$mujoco")/mujoco || return
+    library=$(ls "$place"/libmujoco.so.* 2>/dev/null | head -n 1)
+    [ -n "$library" ] || missing "the wheel has no library in $place" || return
+    compile mujoco "$compiler" -isystem "$place/include" "$library" -Wl,-rpath,"$place"
+}
+
+build_simbody() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    [ -d /usr/include/simbody ] ||
+        missing "Simbody is missing (apt install libsimbody-dev)" || return
+    # its library and -march=native disagree about types that both hold
+    compile simbody "$compiler" -isystem /usr/include/simbody \
+        -lSimTKsimbody -lSimTKmath -lSimTKcommon
+}
+
+build_drake() {
+    packages drake "$drake" >/dev/null || return
+    {
+        echo "#!$(cd "$folder" && pwd)/venv/bin/python"
+        cat benches/peers/drake.py
+    } >"$folder/drake.$$"
+    chmod +x "$folder/drake.$$"
+    mv "$folder/drake.$$" "$folder/drake"
+    echo "$folder/drake"
+}
+
 mkdir -p "$folder"
-[ -x "$folder/venv/bin/python" ] || python3 -m venv "$folder/venv" ||
-    missing "python3 has no venv (apt install python3-venv)"
-"$folder/venv/bin/python" -m pip install --quiet --disable-pip-version-check "pin==$version" ||
-    missing "pip cannot get pin $version"
-packages=$("$folder/venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
-prefix=$packages/cmeel.prefix
-[ -d "$prefix/include/pinocchio" ] || missing "the wheel has no headers in $prefix"
-
-echo "compiling with $compiler, about two minutes"
-"$compiler" -std=c++17 -O3 -DNDEBUG -march=native -w \
-    -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 \
-    -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
-    -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
-    -isystem "$prefix/include" -isystem "$eigen" \
-    benches/peers/pinocchio.cpp -o "$folder/pinocchio.$$" \
-    -L"$prefix/lib" -lboost_serialization -Wl,-rpath,"$prefix/lib"
-mv "$folder/pinocchio.$$" "$folder/pinocchio"
-echo "$folder/pinocchio"
+[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake
+code=0
+for peer in "$@"; do
+    case $peer in
+        pinocchio | mujoco | simbody | drake) "build_$peer" || code=1 ;;
+        *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake" || code=1 ;;
+    esac
+done
+exit $code

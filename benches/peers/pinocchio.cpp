@@ -1,23 +1,5 @@
 // Pinocchio on the robots and states of `sarrus report`: what an expert writes on top.
-// Text in, text out.
-//
-// In, from standard input, numbers apart by blanks (server/report/src/peer/text.rs writes it):
-//   seconds S                       how long each method is timed
-//   gravity x y z
-//   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy
-//                                   iyz izz; mass 0 for none
-//   joints N                        each: F, R or P; parent link, child link, x y z r p y, axis
-//   tree n, independent n, active n each followed by joints, in the order of q, y and u
-//   groups n                        each: number of joints, the joints of one closed loop, or that
-//                                   stand alone
-//   loops n                         each: group, predecessor link, successor link, `joint J` or
-//                                   `link L` (the cut frames at zero) or
-//                                   `placed` and two times x y z r p y; number of rows, three
-//                                   numbers each: the held directions
-//   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier
-// Out: `engine NAME`, then for each method
-//   run STATE|ID|FD METHOD [SETTING]; NANOSECONDS   and a line of numbers for each state: q, τ_u or
-//                                                   ÿ
+// `peer.hpp` has the format of its input and output.
 //
 // Everything starts from y: a warm Newton, each group's own block of G (K_d factorised once), then
 // Pinocchio's recursions.
@@ -34,15 +16,7 @@
 
 #include <Eigen/Dense>
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <functional>
-#include <iostream>
-#include <string>
-#include <vector>
+#include "peer.hpp"
 
 namespace pin = pinocchio;
 using Eigen::Matrix3d;
@@ -55,18 +29,14 @@ constexpr int LARGEST = 24;
 using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, LARGEST, LARGEST>;
 using Part = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, LARGEST, 1>;
 
-[[noreturn]] static void stop(const std::string& why) {
-    std::fprintf(stderr, "pinocchio: %s\n", why.c_str());
-    std::exit(1);
-}
+using peer::stop;
 
 // --- the robot -----------------------------------------------------------------------------------
 
-// Where a link is: the joint that carries it, its frame there, and its pose at zero in the root.
+// Where a link is: the joint that carries it, and its frame there.
 struct Place {
     pin::JointIndex joint = 0;
     pin::SE3 on_joint = pin::SE3::Identity();
-    pin::SE3 at_zero = pin::SE3::Identity();
 };
 
 // A cut: both frames, the held directions, and the velocities that move one end only.
@@ -104,39 +74,15 @@ struct State {
 
 // --- reading -------------------------------------------------------------------------------------
 
-static void expect(const char* word) {
-    std::string found;
-    if (!(std::cin >> found) || found != word) stop("expected `" + std::string(word) + "`, found `"
-        + found + "`");
+static pin::SE3 se3(const peer::Frame& frame) {
+    Matrix3d R;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) R(i, j) = frame.R[i][j];
+    return pin::SE3(R, Vector3d(frame.p.data()));
 }
 
-template <class T>
-static T read() {
-    T value;
-    if (!(std::cin >> value)) stop("the input ends early");
-    return value;
-}
-
-static VectorXd read_vector(int n) {
-    VectorXd x(n);
-    for (int i = 0; i < n; i++) x(i) = read<double>();
-    return x;
-}
-
-// Translation, then roll, pitch, yaw about fixed axes.
-static pin::SE3 read_pose() {
-    const VectorXd x = read_vector(6);
-    const Matrix3d R = (Eigen::AngleAxisd(x(5), Vector3d::UnitZ()) * Eigen::AngleAxisd(x(4),
-        Vector3d::UnitY()) *
-                        Eigen::AngleAxisd(x(3), Vector3d::UnitX()))
-                           .toRotationMatrix();
-    return pin::SE3(R, x.head<3>());
-}
-
-static std::vector<int> read_list() {
-    std::vector<int> list(read<int>());
-    for (int& x : list) x = read<int>();
-    return list;
+static VectorXd vector(const std::vector<double>& x) {
+    return Eigen::Map<const VectorXd>(x.data(), x.size());
 }
 
 // The joint type that Pinocchio's own reader takes: aligned with an axis where that is exact.
@@ -152,41 +98,23 @@ static pin::JointModel joint_model(char kind, const Vector3d& axis) {
         : pin::JointModel(pin::JointModelPrismaticUnaligned(axis));
 }
 
-struct WrittenJoint {
-    char kind;
-    int parent, child;
-    pin::SE3 origin;
-    Vector3d axis;
-};
-
-static Robot read_robot() {
+static Robot robot_of(const peer::Input& input) {
     Robot robot;
     pin::Model& model = robot.model;
-    expect("gravity");
-    model.gravity.linear() = read_vector(3);
+    model.gravity.linear() = Vector3d(input.gravity.data());
 
-    expect("links");
     std::vector<pin::Inertia> inertias;
-    for (int n = read<int>(); n > 0; n--) {
-        const double mass = read<double>();
-        const pin::SE3 origin = read_pose();
-        const VectorXd I = read_vector(6);
+    for (const peer::Link& link : input.links) {
+        const pin::SE3 origin = se3(link.com);
+        const auto& I = link.inertia;
         Matrix3d about_center;
-        about_center << I(0), I(1), I(2), I(1), I(3), I(4), I(2), I(4), I(5);
-        inertias.emplace_back(mass, origin.translation(), origin.rotation() * about_center
+        about_center << I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5];
+        inertias.emplace_back(link.mass, origin.translation(), origin.rotation() * about_center
             * origin.rotation().transpose());
     }
-    expect("joints");
-    std::vector<WrittenJoint> joints(read<int>());
+    const std::vector<peer::Joint>& joints = input.joints;
     std::vector<bool> is_child(inertias.size(), false);
-    for (WrittenJoint& joint : joints) {
-        joint.kind = read<char>();
-        joint.parent = read<int>();
-        joint.child = read<int>();
-        joint.origin = read_pose();
-        joint.axis = read_vector(3).normalized();
-        is_child.at(joint.child) = true;
-    }
+    for (const peer::Joint& joint : joints) is_child.at(joint.child) = true;
 
     // depth first, as Pinocchio wants it; fixed joints are merged away
     std::vector<Place> places(inertias.size());
@@ -196,12 +124,12 @@ static Robot read_robot() {
         if (on.joint > 0 && inertias[link].mass() > 0) model.appendBodyToJoint(on.joint,
             inertias[link], on.on_joint);
         for (size_t j = 0; j < joints.size(); j++) {
-            const WrittenJoint& joint = joints[j];
+            const peer::Joint& joint = joints[j];
             if (joint.parent != link) continue;
-            Place place{places[link].joint, places[link].on_joint * joint.origin,
-                places[link].at_zero * joint.origin};
+            Place place{places[link].joint, places[link].on_joint * se3(joint.origin)};
             if (joint.kind != 'F') {
-                place.joint = model.addJoint(place.joint, joint_model(joint.kind, joint.axis),
+                const Vector3d axis(joint.axis.data());
+                place.joint = model.addJoint(place.joint, joint_model(joint.kind, axis),
                     place.on_joint, "joint" + std::to_string(j));
                 place.on_joint.setIdentity();
                 velocity[j] = model.joints[place.joint].idx_v();
@@ -217,21 +145,17 @@ static Robot read_robot() {
         for (int& j : list) j = velocity.at(j);
         return list;
     };
-    expect("tree");
-    robot.tree = velocities(read_list());
-    expect("independent");
-    robot.independent = velocities(read_list());
-    expect("active");
-    robot.active = velocities(read_list());
+    robot.tree = velocities(input.tree);
+    robot.independent = velocities(input.independent);
+    robot.active = velocities(input.active);
     const auto place_in = [](const std::vector<int>& list, int x) {
         const auto found = std::find(list.begin(), list.end(), x);
         return found == list.end() ? -1 : static_cast<int>(found - list.begin());
     };
 
-    expect("groups");
-    robot.groups.resize(read<int>());
-    for (Group& group : robot.groups) {
-        group.tree = velocities(read_list());
+    for (const std::vector<int>& of_group : input.groups) {
+        Group& group = robot.groups.emplace_back();
+        group.tree = velocities(of_group);
         for (int v : group.tree) {
             const int y = place_in(robot.independent, v), u = place_in(robot.active, v);
             if (y >= 0) group.independent.push_back(v), group.y.push_back(y);
@@ -249,26 +173,19 @@ static Robot read_robot() {
         for (; j > 0; j = model.parents[j]) list.push_back(model.joints[j].idx_v());
         return list;
     };
-    expect("loops");
-    robot.loops.resize(read<int>());
-    for (Loop& loop : robot.loops) {
-        loop.group = read<int>();
-        const Place predecessor = places.at(read<int>()), successor = places.at(read<int>());
-        const std::string where = read<std::string>();
+    for (const peer::Loop& given : input.loops) {
+        Loop& loop = robot.loops.emplace_back();
+        loop.group = given.group;
+        const Place &predecessor = places.at(given.predecessor),
+                    &successor = places.at(given.successor);
         loop.predecessor = predecessor.joint;
         loop.successor = successor.joint;
-        if (where == "placed") {
-            loop.on_predecessor = predecessor.on_joint * read_pose();
-            loop.on_successor = successor.on_joint * read_pose();
-        } else {
-            const int at = read<int>();
-            const pin::SE3 cut = places.at(where == "joint" ? joints.at(at).child : at).at_zero;
-            loop.on_predecessor = predecessor.on_joint * predecessor.at_zero.actInv(cut);
-            loop.on_successor = successor.on_joint * successor.at_zero.actInv(cut);
-        }
-        loop.n_rows = read<int>();
+        loop.on_predecessor = predecessor.on_joint * se3(given.on_predecessor);
+        loop.on_successor = successor.on_joint * se3(given.on_successor);
+        loop.n_rows = static_cast<int>(given.held.size());
         if (loop.n_rows > 3) stop("a loop has more than three rows");
-        for (int a = 0; a < loop.n_rows; a++) loop.directions.row(a) = read_vector(3).transpose();
+        for (int a = 0; a < loop.n_rows; a++)
+            loop.directions.row(a) = Vector3d(given.held[a].data()).transpose();
         const std::vector<int> p = support(loop.predecessor), s = support(loop.successor);
         for (int v : p)
             if (place_in(s, v) < 0) loop.before.push_back(v);
@@ -538,89 +455,35 @@ struct Proximal {
     }
 };
 
-// --- measuring -----------------------------------------------------------------------------------
-
-// A method with one setting, what its batches took per call, and which states a batch goes through.
-struct Method {
-    std::string name;
-    const VectorXd& answer;
-    std::function<void(const State&)> call;
-    std::vector<double> ns = {};
-    size_t first = 0, n_states = 0, warm_up = 0;
-};
-
-// Batches are short: a long one is interrupted on a machine that others use too. Untimed calls
-// before each: the others had the caches.
-constexpr double BATCH_NS = 200e3, WARM_UP_NS = 80e3;
-
-// Batches of all methods take turns, so that what else the machine does meets all of them; then
-// medians and answers.
-static void measure(std::vector<Method>& methods, double seconds,
-    const std::vector<State>& states) {
-    using Clock = std::chrono::steady_clock;
-    const auto ns_since = [](Clock::time_point start) { return std::chrono::duration<double,
-        std::nano>(Clock::now() - start).count(); };
-    for (Method& method : methods) {
-        method.call(states[0]);
-        const auto start = Clock::now();
-        for (size_t i = 0; i < 4; i++) method.call(states[i % states.size()]);
-        const double call = ns_since(start) / 4;
-        method.n_states = std::min<size_t>(states.size(), std::clamp(BATCH_NS / call, 4.0, 64.0));
-        method.warm_up = static_cast<size_t>(std::ceil(WARM_UP_NS / call));
-    }
-    const double whole = 1e9 * seconds * methods.size();
-    const auto begin = Clock::now();
-    // five rounds at least, fewer where a single one takes longer than all should
-    for (int round = 0; round < 1 || ns_since(begin) < whole || (round < 5 && ns_since(begin) < 3
-        * whole); round++)
-        for (Method& method : methods) {
-            for (size_t i = 0; i < method.warm_up; i++) method.call(states[(method.first
-                + i) % states.size()]);
-            const auto start = Clock::now();
-            for (size_t i = 0; i < method.n_states; i++) method.call(states[(method.first
-                + i) % states.size()]);
-            method.ns.push_back(ns_since(start) / method.n_states);
-            method.first = (method.first + method.n_states) % states.size();
-        }
-    for (Method& method : methods) {
-        std::nth_element(method.ns.begin(), method.ns.begin() + method.ns.size() / 2,
-            method.ns.end());
-        std::printf("run %s; %.17g\n", method.name.c_str(), method.ns[method.ns.size() / 2]);
-        for (const State& state : states) {
-            method.call(state);
-            for (int i = 0; i < method.answer.size(); i++) std::printf("%.17g ", method.answer(i));
-            std::printf("\n");
-        }
-    }
-}
-
 int main() {
-    expect("seconds");
-    const double seconds = read<double>();
-    const Robot robot = read_robot();
+    const peer::Input input = peer::read_input();
+    const Robot robot = robot_of(input);
     const int n = robot.model.nv, p = static_cast<int>(robot.independent.size());
-    expect("states");
-    std::vector<State> states(read<int>());
-    for (State& state : states) state = {read_vector(p), read_vector(p), read_vector(p),
-        read_vector(p), read_vector(n)};
-    if (states.empty()) stop("no states");
+    std::vector<State> states;
+    for (const peer::State& of : input.states)
+        states.push_back({vector(of.y), vector(of.yd), vector(of.ydd), vector(of.tau_u),
+            vector(of.guess)});
 
     Closed closed(robot);
     VectorXd q(n), tau_u(p), ydd(p);
-    std::vector<Method> methods;
+    std::vector<peer::Method> methods;
+    const auto add = [&](const std::string& name, const VectorXd& answer, auto call) {
+        methods.push_back({name, [&states, call](size_t k) mutable { call(states[k]); },
+            answer.data(), static_cast<size_t>(answer.size())});
+    };
     for (const char* text : {"1e-3", "1e-6", "1e-9", "1e-12"}) {
         const double tolerance = std::atof(text);
-        const std::string setting = std::string(" tolerance ") + text;
-        methods.push_back({"STATE Newton and G" + setting, q, [&, tolerance](const State& state) {
-                               closed.state(state, tolerance);
-                               for (int i = 0; i < n; i++) q(i) = closed.q(robot.tree[i]);
-                           }});
-        methods.push_back({"ID RNEA, explicit G" + setting, tau_u,
-                           [&, tolerance](const State& state) { closed.inverse_dynamics(state,
-                               tolerance, tau_u); }});
-        methods.push_back({"FD CRBA, explicit G" + setting, ydd,
-                           [&, tolerance](const State& state) { closed.forward_dynamics(state,
-                               tolerance, ydd); }});
+        const std::string setting = std::string("; tolerance ") + text;
+        add("STATE Newton and G" + setting, q, [&, tolerance](const State& state) {
+            closed.state(state, tolerance);
+            for (int i = 0; i < n; i++) q(i) = closed.q(robot.tree[i]);
+        });
+        add("ID RNEA, explicit G" + setting, tau_u, [&, tolerance](const State& state) {
+            closed.inverse_dynamics(state, tolerance, tau_u);
+        });
+        add("FD CRBA, explicit G" + setting, ydd, [&, tolerance](const State& state) {
+            closed.forward_dynamics(state, tolerance, ydd);
+        });
     }
     // each its own data: what one leaves there spoils the other
     Proximal whole(robot), articulated(robot);
@@ -631,15 +494,12 @@ int main() {
                 const std::string name = recursive ? "FD lcaba" : "FD constraintDynamics";
                 Proximal& proximal = recursive ? articulated : whole;
                 pin::ProximalSettings settings(1e-14, std::atof(mu), iterations);
-                methods.push_back({name + " mu " + mu + ", iterations "
-                    + std::to_string(iterations), ydd,
-                                   [&closed, &ydd, &proximal, recursive,
-                                       settings](const State& state) mutable {
-                                       proximal.forward_dynamics(closed, state, recursive, settings,
-                                           ydd);
-                                   }});
+                add(name + "; mu " + mu + ", iterations " + std::to_string(iterations), ydd,
+                    [&, recursive, settings](const State& state) mutable {
+                        proximal.forward_dynamics(closed, state, recursive, settings, ydd);
+                    });
             }
     std::printf("engine Pinocchio %s, clang %s\n", PINOCCHIO_VERSION, __clang_version__);
-    measure(methods, seconds, states);
+    peer::measure(methods, input);
     return 0;
 }

@@ -95,6 +95,14 @@ enum Command {
     /// write.
     #[cfg(feature = "report")]
     Report(commands::report::Report),
+    /// Compare a robot's answers and times with another engine's.
+    ///
+    /// One line for each method and setting of the engine: the largest difference from the same
+    /// model in double-double, the time of a call, ours beside it, and why they differ. Ends with
+    /// 1 if a difference exceeds what the engine's setting explains. An engine that is not built is
+    /// not run.
+    #[cfg(feature = "report")]
+    Compare(commands::compare::Compare),
     /// Write a robot as one page that opens offline, with sliders that move it.
     ///
     /// The page draws the robot, its joint axes, cut points and inertia, and compares u and tau_u
@@ -142,6 +150,8 @@ pub fn run() -> ExitCode {
         Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]
         Command::Report(command) => conclude("report", command.run()),
+        #[cfg(feature = "report")]
+        Command::Compare(command) => conclude("compare", command.run()),
         #[cfg(feature = "show")]
         Command::Show(command) => conclude("show", command.run()),
         #[cfg(feature = "simulate")]

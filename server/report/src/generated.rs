@@ -18,7 +18,7 @@ use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
 use crate::measure::{Amount, Effort};
 use crate::page::{Section, Table, columns, exponent};
-use crate::peer::{Peer, Run, pinocchio};
+use crate::peer::{Peer, Run, peers};
 use crate::reference::{References, layout, worse};
 use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
@@ -34,19 +34,21 @@ const FEW: Amount = Amount { states: 16, rounds: Duration::from_millis(250), of_
 const FULL: Amount = Amount { states: 64, rounds: Duration::from_secs(3), of_peer: 0.1 };
 
 /// Fills the section.
-pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) -> Outcome<Section> {
     let mut section = Section::new("generated", "Straight-line code");
     let Some(compiler) = Compiler::found() else {
         section.summary.push("Straight-line code: not measured, there is no C compiler.".into());
         return Ok(section);
     };
-    let (robots, amount) =
+    let (names, amount) =
         if effort.quick { (QUICK.to_vec(), FEW) } else { (bundled_names(), FULL) };
+    let bundled = || names.into_iter().map(Subject::Bundled).collect();
+    let robots: Vec<Subject> = own.map_or_else(bundled, |own| vec![own]);
     let mut rows = Vec::new();
     let mut refused = Vec::new();
-    for (k, name) in robots.iter().enumerate() {
-        progress.show(name, k as f64 / robots.len() as f64);
-        let robot = Robot::load(Subject::Bundled(name), amount.states)?;
+    for (k, &subject) in robots.iter().enumerate() {
+        progress.show(subject.name(), k as f64 / robots.len() as f64);
+        let robot = Robot::load(subject, amount.states)?;
         of_robot(&robot, &amount, &compiler, &mut rows, &mut refused)?;
     }
     section.summary.push(summary(&rows));
@@ -61,7 +63,7 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
             turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
             the same function, and of it without checks and without pairs; their ratio is what \
             checks cost and pairs gain; of robots with Newton's method both are without its \
-            closures, which stay the plan's. Peer: the fastest method of Pinocchio whose largest \
+            closures, which stay the plan's. Peer: the fastest method of a peer whose largest \
             error is at most {EQUAL:.0e} or ours (of a state it finds q alone, from a guess where \
             ours needs none), and how many times as long it takes as ours with code, or by the \
             plan where there is none. Bits of the code are compared with the plan's on 4096 \
@@ -205,8 +207,12 @@ fn of_robot(
         made.push((question, code));
     }
     let times = interleaved(&mut cases, amount.rounds, |_| {})?;
-    let peer = pinocchio(&robot.description, &robot.states, 0, amount.of_peer)?;
-    let runs = if let Peer::Measured { runs, .. } = peer { runs } else { Vec::new() };
+    let mut runs = Vec::new();
+    for peer in peers(robot, 0, amount.of_peer)? {
+        if let Peer::Measured { runs: of_peer, .. } = peer {
+            runs.extend(of_peer);
+        }
+    }
     for (k, (question, mut code)) in made.into_iter().enumerate() {
         if let Some(code) = &mut code {
             code.in_process = times[3 * k + 1].median();

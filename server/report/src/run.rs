@@ -10,17 +10,26 @@ use crate::measure::machine::machine;
 use crate::measure::progress::Progress;
 use crate::page::files::{files, with_names, write};
 use crate::page::{Report, Section, command};
+use crate::robots::{Own, Subject};
 use crate::{Outcome, accuracy, integration, parts, stress};
+
+/// The function that fills a section.
+enum Fill {
+    /// On the robots of the report, or on this one.
+    Robots(fn(&Effort, Option<Subject>, &Progress) -> Outcome<Section>),
+    /// On problems of its own.
+    Problems(fn(&Effort, &Progress) -> Outcome<Section>),
+}
 
 /// Every section: its name, the function that fills it, and its share of a full report's time.
 /// Flag, JSON and files use the name: `extremes` are the stress cases.
-const SECTIONS: &[(&str, fn(&Effort, &Progress) -> Outcome<Section>, f64)] = &[
-    ("accuracy", accuracy::run, 0.4),
-    ("parts", parts::run, 0.05),
+const SECTIONS: &[(&str, Fill, f64)] = &[
+    ("accuracy", Fill::Robots(accuracy::run), 0.4),
+    ("parts", Fill::Problems(parts::run), 0.05),
     #[cfg(feature = "generate")]
-    ("generated", crate::generated::run, 0.1),
-    ("integration", integration::run, 0.15),
-    ("extremes", stress::run, 0.3),
+    ("generated", Fill::Robots(crate::generated::run), 0.1),
+    ("integration", Fill::Problems(integration::run), 0.15),
+    ("extremes", Fill::Problems(stress::run), 0.3),
 ];
 
 /// Other words for sections.
@@ -46,6 +55,8 @@ pub struct Options {
     pub effort: Effort,
     /// Names of sections; empty for all.
     pub sections: Vec<String>,
+    /// One robot in place of the report's own: the sections on robots alone.
+    pub own: Option<Own>,
     /// The folder.
     pub out: PathBuf,
 }
@@ -68,7 +79,9 @@ pub fn run(options: &Options) -> Outcome<Report> {
         let is = |word: &String| word == name || synonyms(name).any(|other| other == word);
         options.sections.is_empty() || options.sections.iter().any(is)
     };
-    let chosen: Vec<_> = SECTIONS.iter().filter(|(name, ..)| query(name)).collect();
+    let applies = |fill: &Fill| options.own.is_none() || matches!(fill, Fill::Robots(_));
+    let chosen: Vec<_> =
+        SECTIONS.iter().filter(|(name, fill, _)| query(name) && applies(fill)).collect();
     let whole: f64 = chosen.iter().map(|(_, _, share)| share).sum();
     let mut sections = Vec::new();
     let mut done = 0.0;
@@ -78,7 +91,11 @@ pub fn run(options: &Options) -> Outcome<Report> {
             failure: Some(error.to_string()),
             ..Section::new(name, name)
         };
-        sections.push(fill(&options.effort, &progress).unwrap_or_else(failed));
+        let filled = match fill {
+            Fill::Robots(fill) => fill(&options.effort, options.own.map(Subject::Own), &progress),
+            Fill::Problems(fill) => fill(&options.effort, &progress),
+        };
+        sections.push(filled.unwrap_or_else(failed));
         done += share;
     }
     progress.clear();

@@ -6,6 +6,7 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use sarrus_models::{Source, bundled, load};
 use sarrus_report::measure::Effort;
+use sarrus_report::robots::Own;
 use sarrus_report::{Options, names, run, synonyms};
 
 use super::output::{Failure, Outcome, Results};
@@ -14,6 +15,15 @@ use super::robot::warn;
 /// Flags of `report`.
 #[derive(Args)]
 pub(crate) struct Report {
+    /// One bundled robot in place of all: the sections on robots alone.
+    #[arg(long, value_name = "NAME", conflicts_with = "urdf")]
+    robot: Option<String>,
+    /// Your robot, a URDF or SMURF file, in place of the bundled ones.
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+    /// Submechanism file that goes with --urdf.
+    #[arg(long, value_name = "FILE", requires = "urdf")]
+    submechanisms: Option<PathBuf>,
     /// Fewer states and shorter measurements: within two minutes.
     #[arg(long)]
     quick: bool,
@@ -32,13 +42,27 @@ fn section_names() -> PossibleValuesParser {
 
 impl Report {
     pub(crate) fn run(self) -> Outcome {
+        let source = match (self.robot, self.urdf) {
+            (Some(name), _) => Some(Source::Bundled(name)),
+            (None, Some(urdf)) => Some(Source::Files { urdf, submechanisms: self.submechanisms }),
+            (None, None) => None,
+        };
+        let own = match source {
+            Some(source) => {
+                let loaded = load(&source, &Default::default())?;
+                warn(&loaded.report.warnings);
+                Some(Own::new(loaded.description))
+            }
+            None => None,
+        };
         let query = Options {
+            own,
             effort: Effort { quick: self.quick },
             sections: self.sections,
             out: self.out,
         };
         // warnings about the files of the measured robots
-        for (name, _) in bundled() {
+        for (name, _) in bundled().filter(|_| own.is_none()) {
             if let Ok(loaded) = load(&Source::Bundled(name.to_owned()), &Default::default()) {
                 warn(&loaded.report.warnings);
             }

@@ -48,17 +48,18 @@ const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), 
 const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
 
 /// Fills the section.
-pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) -> Outcome<Section> {
     let amount = if effort.quick { QUICK } else { FULL };
+    let robots = own.map_or(ROBOTS.to_vec(), |own| vec![own]);
     let mut section = Section::new("accuracy", "Error against run time");
     let mut rows = Vec::new();
     let mut places = Vec::new();
-    let mut silent = None;
-    for (k, subject) in ROBOTS.into_iter().enumerate() {
-        let share = |done: f64| (k as f64 + done) / ROBOTS.len() as f64;
+    let mut absent = Vec::new();
+    for (k, &subject) in robots.iter().enumerate() {
+        let share = |done: f64| (k as f64 + done) / robots.len() as f64;
         progress.show(&title(subject), share(0.0));
         let robot = load(subject, amount.states)?;
-        let (figures, measured, peer) =
+        let (figures, measured, mut missing) =
             robot_figures(&robot, amount, |done| progress.show(&title(subject), share(done)))?;
         let defaults = measured.iter().filter(|of| of.default).filter_map(|of| {
             let figure = figures.iter().find(|figure| figure.id == id(subject, of.question))?;
@@ -71,14 +72,16 @@ pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
         }
         rows.extend(of_robot.into_iter().map(|of| of.cells));
         section.figures.extend(figures);
-        silent = silent.or(peer);
+        if k == 0 {
+            absent.append(&mut missing);
+        }
     }
     let worst = section.worst_error.map_or("-".to_owned(), exponent);
     section
         .summary
         .push(format!("largest error of the methods that are used without asking: {worst}"));
     section.summary.append(&mut places);
-    section.summary.extend(silent);
+    section.summary.append(&mut absent);
     section.tables.push(Table {
         id: "accuracy-defaults".into(),
         title: "What is used without asking".into(),
@@ -122,31 +125,33 @@ fn words(question: Question) -> [&'static str; 2] {
     words.map_or([""; 2], |(_, name, id)| [*name, *id])
 }
 
-/// The figures of one robot, their contents, and the reason of a missing peer.
+/// The figures of one robot, their contents, and the reasons of missing peers.
 fn robot_figures(
     robot: &Robot,
     amount: Amount,
     shown: impl Fn(f64),
-) -> Outcome<(Vec<Figure>, Vec<Method>, Option<String>)> {
+) -> Outcome<(Vec<Figure>, Vec<Method>, Vec<String>)> {
     let mut methods = methods::of_robot(robot)?;
     let mut references = References::new(robot);
     measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
-    let (runs, missing) =
-        match peer::pinocchio(&robot.description, &robot.states, 0, amount.of_peer)? {
-            Peer::Measured { runs, .. } => (runs, None),
-            Peer::Missing(why) => (Vec::new(), Some(why)),
-        };
+    let (mut runs, mut missing) = (Vec::new(), Vec::new());
+    for peer in peer::peers(robot, 0, amount.of_peer)? {
+        match peer {
+            Peer::Measured { runs: of_peer, .. } => runs.extend(of_peer),
+            Peer::Missing(why) => missing.push(why),
+        }
+    }
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
         let of = methods.iter().filter(|of| of.question == question);
         let mut figure = figure(robot, question, name, of);
         figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
-        if let (Some(why), true) = (&missing, robot.subject != Subject::Chain(1)) {
-            figure.caption += &format!(" {why}");
+        if robot.subject != Subject::Chain(1) {
+            missing.iter().for_each(|why| figure.caption += &format!(" {why}"));
         }
         figures.push(figure);
     }
-    Ok((figures, methods, missing.filter(|_| robot.subject == ROBOTS[0])))
+    Ok((figures, methods, missing))
 }
 
 #[cfg(test)]

@@ -3,10 +3,8 @@
 use super::figure::{Figure, Point, Series};
 use super::section::Section;
 
-/// Pinocchio, as the names of its series begin.
-pub(crate) const PINOCCHIO: &str = "Pinocchio";
-/// Names that the series of another engine begin with.
-const PEERS: [&str; 1] = [PINOCCHIO];
+/// The other engines. Their series begin with these names, their programs have them in lower case.
+pub(crate) const PEERS: [&str; 4] = ["Pinocchio", "MuJoCo", "Simbody", "Drake"];
 
 /// Errors up to this are rounding and count as equal in comparisons with a peer.
 pub(super) const ROUNDING: f64 = 1e-14;

@@ -3,22 +3,21 @@
 //!
 //! A missing peer is not an error: the page shows the command that builds it.
 
+pub mod compare;
 mod text;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use sarrus_dynamics::description::Description;
-
 use crate::Outcome;
-use crate::page::{PINOCCHIO, Point, Series};
+use crate::page::{PEERS, Point, Series};
 use crate::reference::worse;
-use crate::robots::{Question, State};
+use crate::robots::{Question, Robot};
 
-/// The path of its program below the build folder.
-const PROGRAM: &str = "peers/pinocchio";
-/// The command that builds it.
+/// The folder of the programs below the build folder.
+const FOLDER: &str = "peers";
+/// The command that builds them.
 const BUILD: &str = "benches/peers/build.sh";
 
 /// A method of a peer with one setting.
@@ -50,24 +49,31 @@ pub enum Peer {
     },
 }
 
-/// Times every method of Pinocchio for about this long; `place` is that of the variant whose
-/// guesses are the warm start.
+/// Every peer's answers about a robot: each method is timed for about this long; guesses and closed
+/// poses are those of the variant at `place`.
 ///
 /// # Errors
 ///
 /// A program that cannot be run, or whose output is malformed.
-pub fn pinocchio(
-    description: &Description,
-    states: &[State],
-    place: usize,
-    seconds: f64,
-) -> Outcome<Peer> {
-    let missing = |why: String| Ok(Peer::Missing(format!("{PINOCCHIO}: not measured{why}")));
-    let name = &description.name;
-    let Some(program) = program() else {
-        return missing(format!(", {PROGRAM} is not built; {BUILD} builds it."));
+pub fn peers(robot: &Robot, place: usize, seconds: f64) -> Outcome<Vec<Peer>> {
+    PEERS.iter().map(|name| peer(name, robot, place, seconds)).collect()
+}
+
+/// One peer's answers, as [`peers`].
+///
+/// # Errors
+///
+/// As [`peers`].
+pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<Peer> {
+    let known = PEERS.into_iter().find(|name| name.eq_ignore_ascii_case(engine));
+    let engine = known.ok_or_else(|| format!("{engine} is no known engine"))?;
+    let missing = |why: String| Ok(Peer::Missing(format!("{engine}: not run{why}")));
+    let name = &robot.description.name;
+    let word = engine.to_lowercase();
+    let Some(program) = program(&word) else {
+        return missing(format!(", its program is not built; {BUILD} {word} builds it."));
     };
-    let text = match text::input(description, states, place, seconds) {
+    let text = match text::input(robot, place, seconds) {
         Ok(text) => text,
         Err(reason) => return missing(format!(" on {name}, {reason}.")),
     };
@@ -88,7 +94,7 @@ pub fn pinocchio(
         return missing(format!(" on {name}, it ends with {}: {}", output.status, why.trim()));
     }
     written.map_err(fault)?;
-    read(&String::from_utf8_lossy(&output.stdout), states.len())
+    read(engine, &String::from_utf8_lossy(&output.stdout), robot.states.len())
         .map_err(|reason| format!("{}: {reason}", program.display()).into())
 }
 
@@ -113,18 +119,19 @@ pub fn series(
 }
 
 /// The program in this program's build folder, or in the default one.
-fn program() -> Option<PathBuf> {
+fn program(name: &str) -> Option<PathBuf> {
+    let place = Path::new(FOLDER).join(name);
     let here = std::env::current_exe().ok();
     // target/PROFILE/sarrus
     let built = here
         .iter()
         .flat_map(|path| path.ancestors().skip(1).take(3))
-        .map(|folder| folder.join(PROGRAM));
-    built.chain([PathBuf::from("target").join(PROGRAM)]).find(|path| path.is_file())
+        .map(|folder| folder.join(&place));
+    built.chain([Path::new("target").join(&place)]).find(|path| path.is_file())
 }
 
 /// Reads the program's output.
-fn read(text: &str, n_states: usize) -> Result<Peer, String> {
+fn read(name: &str, text: &str, n_states: usize) -> Result<Peer, String> {
     let mut lines = text.lines();
     let engine = lines
         .next()
@@ -135,24 +142,15 @@ fn read(text: &str, n_states: usize) -> Result<Peer, String> {
     while let Some(line) = lines.next() {
         let head = || {
             let (question, rest) = line.strip_prefix("run ")?.split_once(' ')?;
-            let (method, ns) = rest.rsplit_once("; ")?;
-            // the setting begins with its parameter
-            let at =
-                ["tolerance", "mu"].iter().find_map(|word| method.find(&format!(" {word} ")))?;
+            let [method, setting, ns] = rest.split("; ").collect::<Vec<_>>().try_into().ok()?;
             let question = match question {
                 "STATE" => Question::State,
                 "ID" => Question::InverseDynamics,
                 "FD" => Question::ForwardDynamics,
                 _ => return None,
             };
-            let name = format!("{PINOCCHIO} {}", &method[..at]);
-            Some(Run {
-                question,
-                name,
-                setting: method[at + 1..].to_owned(),
-                ns: ns.parse().ok()?,
-                answers: Vec::new(),
-            })
+            let (name, setting) = (format!("{name} {method}"), setting.to_owned());
+            Some(Run { question, name, setting, ns: ns.parse().ok()?, answers: Vec::new() })
         };
         let mut run = head().ok_or_else(|| format!("a line that is none of a run: {line}"))?;
         for _ in 0..n_states {
@@ -184,7 +182,7 @@ mod tests {
         let mut compared = 0;
         for name in ["lambda", "torso", "wrist", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
             let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
-            let runs = match pinocchio(&robot.description, &robot.states, 0, 0.0).unwrap() {
+            let runs = match peer("Pinocchio", &robot, 0, 0.0).unwrap() {
                 Peer::Missing(why) => return println!("not run: {why}"),
                 Peer::Measured { runs, .. } => runs,
             };
@@ -233,8 +231,11 @@ mod tests {
 
     #[test]
     fn what_a_peer_writes_is_read_and_what_it_leaves_out_is_told() {
-        let text = "engine Pinocchio 9\nrun FD lcaba mu 1e-8, iterations 2; 123.5\n1 -nan \n2 3 \n";
-        let Peer::Measured { engine, runs } = read(text, 2).unwrap() else { panic!("measured") };
+        let text =
+            "engine Pinocchio 9\nrun FD lcaba; mu 1e-8, iterations 2; 123.5\n1 -nan \n2 3 \n";
+        let Peer::Measured { engine, runs } = read("Pinocchio", text, 2).unwrap() else {
+            panic!("measured")
+        };
         assert_eq!((engine.as_str(), runs.len()), ("Pinocchio 9", 1));
         let run = &runs[0];
         assert_eq!(
@@ -254,7 +255,7 @@ mod tests {
                 .iter()
                 .all(|series| series.points[0].y.is_nan())
         );
-        assert!(read(text, 3).unwrap_err().contains("without numbers"));
-        assert!(read("", 1).is_err());
+        assert!(read("Pinocchio", text, 3).unwrap_err().contains("without numbers"));
+        assert!(read("Pinocchio", "", 1).is_err());
     }
 }

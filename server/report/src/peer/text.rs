@@ -1,19 +1,22 @@
 //! A robot and its states in the format of the peers' programs: see the head of
-//! `benches/peers/pinocchio.cpp`.
+//! `benches/peers/peer.hpp`.
 
 use core::fmt::Display;
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 
-use crate::robots::State;
+use crate::robots::{Robot, packed};
 
-/// The whole input, or the property of the robot that the programs do not support.
-pub(super) fn input(
-    description: &Description,
-    states: &[State],
-    place: usize,
-    seconds: f64,
-) -> Result<String, String> {
+/// The whole input, or the property of the robot that the programs do not support. Guesses and
+/// closed poses are those of the variant at `place`.
+pub(super) fn input(robot: &Robot, place: usize, seconds: f64) -> Result<String, String> {
+    let Robot { description, states, .. } = robot;
+    let model = &robot.variants.get(place).ok_or("it has no such variant")?.compiled.model;
+    let given = FieldSet::of(&[Field::Y, Field::Yd, Field::QGuess]);
+    let closed = Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd]));
+    let plan = Plan::new(model, &closed).map_err(|error| error.to_string())?;
+    let mut workspace = Workspace::for_plans(model, [&plan]);
     let mut text = Text(format!("seconds {seconds}\n"));
     text.numbers("gravity", &description.gravity);
 
@@ -23,8 +26,14 @@ pub(super) fn input(
     text.loops(description)?;
     text.line("states", [states.len()]);
     for state in states {
-        let guess = state.guesses.get(place).ok_or("a state has no guess")?;
-        for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess] {
+        let mut closed = vec![0.0; plan.want().len()];
+        let given = packed(&plan, state, place);
+        let answer = plan.run(model, &mut workspace, &given, &mut closed);
+        if answer.status != Status::Ok {
+            return Err(format!("a state is {}", answer.status));
+        }
+        let guess = &state.guesses[place];
+        for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess, &closed] {
             text.numbers("", numbers);
         }
     }

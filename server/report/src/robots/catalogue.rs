@@ -26,7 +26,28 @@ pub enum Subject {
     Rare(usize),
     /// A chain of lambdas, by its index.
     Chain(usize),
+    /// Somebody's robot.
+    Own(Own),
 }
+
+/// The description of somebody's robot; it lives as long as the program.
+#[derive(Clone, Copy, Debug)]
+pub struct Own(&'static Description);
+
+impl Own {
+    /// Keeps this description.
+    pub fn new(description: Description) -> Own {
+        Own(Box::leak(Box::new(description)))
+    }
+}
+
+impl PartialEq for Own {
+    fn eq(&self, other: &Own) -> bool {
+        core::ptr::eq(self.0, other.0)
+    }
+}
+
+impl Eq for Own {}
 
 impl Subject {
     /// Every measured robot.
@@ -42,6 +63,7 @@ impl Subject {
             Subject::Bundled(name) => name,
             Subject::Rare(k) => RARE[k].0,
             Subject::Chain(_) => "chain",
+            Subject::Own(of) => &of.0.name,
         }
     }
 
@@ -50,6 +72,7 @@ impl Subject {
             Subject::Bundled(name) => bundled(name),
             Subject::Rare(k) => RARE[k].1(),
             Subject::Chain(k) => Ok(chain_of_lambdas(CHAINS[k].1)?),
+            Subject::Own(of) => Ok(of.0.clone()),
         }
     }
 

@@ -9,7 +9,7 @@ mod rare;
 pub mod small;
 pub mod states;
 
-pub use self::catalogue::{Subject, Variant};
+pub use self::catalogue::{Own, Subject, Variant};
 pub(crate) use self::planned::Planned;
 pub use self::question::{Question, Start};
 pub use self::states::{Robot, State, packed};
