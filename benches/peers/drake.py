@@ -16,8 +16,8 @@ from pydrake.multibody.tree import (
     JacobianWrtVariable,
     PrismaticJoint,
     RevoluteJoint,
+    RotationalInertia,
     SpatialInertia,
-    UnitInertia,
 )
 
 
@@ -62,11 +62,9 @@ def read_robot(words):
         if mass == 0:
             inertia = SpatialInertia.Zero()
         else:
-            unit = UnitInertia(*(i[[0, 3, 5, 1, 2, 4]] / mass), skip_validity_check=True)
-            turned = unit.ReExpress(com.rotation())
-            inertia = SpatialInertia(
-                mass, com.translation(), turned.ShiftFromCenterOfMass(com.translation()),
-                skip_validity_check=True,
+            central = RotationalInertia(*i[[0, 3, 5, 1, 2, 4]])
+            inertia = SpatialInertia.MakeFromCentralInertia(
+                mass, com.translation(), central.ReExpress(com.rotation())
             )
         bodies.append(plant.AddRigidBody(f"link{link}", inertia))
     assert words.word() == "joints"
@@ -174,7 +172,7 @@ def main():
         for state in states:
             forward(state)
         times.append((time.perf_counter_ns() - start) / len(states))
-    print(f"run FD tree terms and KKT from Python; accuracy of doubles; {np.median(times)!r}")
+    print(f"run FD tree terms and KKT from Python; accuracy of doubles; {float(np.median(times))!r}")
     for answer in answers:
         print(*(repr(float(x)) for x in answer))
 
