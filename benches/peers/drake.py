@@ -172,7 +172,8 @@ def main():
         for state in states:
             forward(state)
         times.append((time.perf_counter_ns() - start) / len(states))
-    print(f"run FD tree terms and KKT from Python; accuracy of doubles; {float(np.median(times))!r}")
+    median = float(np.median(times))
+    print(f"run FD tree terms and KKT from Python; accuracy of doubles; {median!r}")
     for answer in answers:
         print(*(repr(float(x)) for x in answer))
 
