@@ -99,7 +99,7 @@ pub fn compare(description: Description, engine: &str) -> Outcome<Comparison> {
                 theirs = worse(theirs, references.of_peer((question, start), state, answer)?);
             }
             let (softness, why) = softness(&run.setting);
-            let is_finding = !(theirs <= AMPLIFIED * softness.max(ROUNDING));
+            let is_finding = theirs.is_nan() || theirs > AMPLIFIED * softness.max(ROUNDING);
             rows.push(Row {
                 quantity: question.name(),
                 method: run.name.clone(),
