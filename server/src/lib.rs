@@ -132,6 +132,10 @@ pub fn run() -> ExitCode {
         );
         return ExitCode::from(2);
     }
+    if let Err(error) = sarrus_client::processor::check_stack() {
+        eprintln!("sarrus: {error}");
+        return ExitCode::from(2);
+    }
     // a write beyond the limit of a file's size fails and ends nothing
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     match Arguments::parse().command {

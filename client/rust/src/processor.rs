@@ -1,4 +1,25 @@
-//! Whether this processor can run this build.
+//! Whether this processor can run this build, and this process its programs.
+
+use rustix::process::{Resource, getrlimit};
+
+/// Least stack of a program's main thread `[byte]`: reading flags and files takes half of it.
+const STACK: u64 = 256 << 10;
+
+/// Programs call this first too, to end with a message instead of a signal.
+///
+/// # Errors
+/// The limit of the stack is too low.
+pub fn check_stack() -> Result<(), SmallStack> {
+    match getrlimit(Resource::Stack).current {
+        Some(limit) if limit < STACK => Err(SmallStack(limit)),
+        _ => Ok(()),
+    }
+}
+
+/// The limit of the stack `[byte]` is too low.
+#[derive(Debug, thiserror::Error)]
+#[error("the stack is limited to {0} bytes, expected {STACK} or more: `ulimit -s 8192`")]
+pub struct SmallStack(u64);
 
 /// Programs built for x86-64-v3 call this first, to end with a message instead of an illegal
 /// instruction.

@@ -1,6 +1,7 @@
 //! Clients and servers that end, in order or not.
 
 use std::path::PathBuf;
+use std::process::Command;
 use std::time::Instant;
 
 use rustix::process::Signal;
@@ -8,7 +9,7 @@ use sarrus_client::{ConnectError, Error, Status, Transport};
 
 use sarrus_torture::patience::LIMIT;
 
-use crate::support::{Asker, Sandbox, wait_until};
+use crate::support::{Asker, ROBOT, Sandbox, wait_until};
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
@@ -43,6 +44,30 @@ fn a_clean_stop_under_clients_leaves_nothing_once_they_are_gone() {
     }
     drop(askers);
     assert_eq!(sandbox.leftovers(), NOTHING);
+}
+
+#[test]
+fn a_stack_that_is_too_small_is_refused_and_a_larger_one_serves() {
+    let sandbox = Sandbox::new();
+    let limited = |kib: u32| {
+        let inner = sandbox.command(ROBOT, "small", &[]);
+        let mut outer = Command::new("sh");
+        outer.args(["-c", &format!("ulimit -s {kib} && exec \"$@\""), "sh"]);
+        outer.arg(inner.get_program()).args(inner.get_args());
+        outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        outer
+    };
+    for kib in [96, 128, 255] {
+        let output = limited(kib).output().unwrap();
+        let words = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{:?}: {words}", output.status);
+        assert!(words.contains(&format!("limited to {} bytes", kib << 10)), "{words}");
+    }
+    let server = sandbox.start(&mut limited(256));
+    let mut asker = Asker::new(sandbox.connect("small", Transport::Lane).unwrap());
+    assert_eq!(asker.ask().unwrap().status, Status::Ok);
+    drop(asker);
+    assert!(server.stop().success());
 }
 
 #[test]

@@ -85,6 +85,10 @@ fn main() -> ExitCode {
         );
         return ExitCode::from(2);
     }
+    if let Err(error) = sarrus_client::processor::check_stack() {
+        eprintln!("sarrus-can: {error}");
+        return ExitCode::from(2);
+    }
     let code = match Arguments::parse().command {
         Command::Check(check) => Ok(check.run()),
         Command::Doctor(doctor) => doctor.run(),
