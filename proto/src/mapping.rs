@@ -6,7 +6,7 @@
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Read};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
@@ -179,8 +179,13 @@ impl LeftWords {
     /// has taken them. `None` where there are none, or their process lives.
     ///
     /// # Errors
-    /// The file is another user's, or is taken for too long.
+    /// The file is another user's, or is taken for too long; the words name the process.
     pub fn take(name: &str) -> io::Result<Option<LeftWords>> {
+        LeftWords::take_within(name, LOOKS)
+    }
+
+    /// As `take`, with so many looks at words that another process has taken.
+    fn take_within(name: &str, most: u32) -> io::Result<Option<LeftWords>> {
         let path = path_of(name);
         let file = match open_own(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -190,6 +195,9 @@ impl LeftWords {
         let mut lives = 0;
         let mut looks = 0;
         while let Err(error) = file.try_lock() {
+            if let TryLockError::Error(error) = error {
+                return Err(error);
+            }
             // a process that takes them marks them soon after it locked them
             lives = match file.read_exact_at(&mut first, 0) {
                 Ok(()) if first != [0; 8] => lives + 1,
@@ -199,8 +207,8 @@ impl LeftWords {
                 return Ok(None);
             }
             looks += 1;
-            if looks > LOOKS {
-                return Err(error.into());
+            if looks > most {
+                return Err(held(&file, &path));
             }
             std::thread::sleep(LOOK);
         }
@@ -255,6 +263,31 @@ pub fn open_own(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// The error of a file that another process holds, with its number where the kernel tells it.
+fn held(file: &File, path: &Path) -> io::Error {
+    let holder = holder(file).map_or("another process".to_owned(), |pid| format!("process {pid}"));
+    let words = format!("{} is held by {holder}; end it, or try again later", path.display());
+    io::Error::new(io::ErrorKind::WouldBlock, words)
+}
+
+/// The process that holds the lock of a file, if this one sees it.
+fn holder(file: &File) -> Option<u32> {
+    let found = file.metadata().ok()?;
+    let (major, minor) = (rustix::fs::major(found.dev()), rustix::fs::minor(found.dev()));
+    let place = format!("{major:02x}:{minor:02x}:{}", found.ino());
+    let locks = fs::read_to_string("/proc/locks").ok()?;
+    let holders = locks.lines().filter_map(|line| {
+        // `1: FLOCK  ADVISORY  WRITE 4321 00:1a:77 0 EOF`
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            [_, "FLOCK", _, _, process, at, ..] if at == place => process.parse().ok(),
+            _ => None,
+        }
+    });
+    // 0 stands for a process of another namespace
+    holders.filter(|process| *process != 0).next()
+}
+
 /// Looks at words that are locked and not marked, after which their process counts as alive, and at
 /// those that another process has taken, after which it takes too long.
 const ALIVE: u32 = 3;
@@ -300,7 +333,7 @@ const fn bytes(n_words: usize) -> usize {
 mod tests {
     use super::*;
     use std::os::unix::process::CommandExt;
-    use std::process::Command;
+    use std::process::{Command, Stdio};
     use std::sync::Arc;
 
     use rustix::fs::ftruncate;
@@ -327,6 +360,28 @@ mod tests {
         assert_eq!(blocks(&memory), 0);
         drop(mine);
         assert!([0, (1 << 17) - 1].iter().all(|k| theirs.words()[*k].load(Relaxed) == 0));
+    }
+
+    #[test]
+    fn the_wait_for_words_that_another_process_holds_ends_with_its_number_and_the_file() {
+        let name = format!("held_{}", std::process::id());
+        let path = path_of(&name);
+        fs::write(&path, [0; 16]).unwrap();
+        // another process holds them, and goes on for longer than anybody waits
+        let mut holder = Command::new("flock");
+        holder.args(["--exclusive", "--no-fork"]).arg(&path).args(["sh", "-c", "echo && cat"]);
+        let mut holder = holder.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        holder.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
+        let error = LeftWords::take_within(&name, 2).err().unwrap();
+        let words = error.to_string();
+        assert_eq!(error.kind(), io::ErrorKind::WouldBlock);
+        for part in [format!("{} is held", path.display()), format!("process {};", holder.id())] {
+            assert!(words.contains(&part), "{words}");
+        }
+        // then they are free again
+        drop(holder.stdin.take());
+        assert!(holder.wait().unwrap().success());
+        LeftWords::take_within(&name, 0).unwrap().unwrap().remove();
     }
 
     #[test]
