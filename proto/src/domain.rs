@@ -307,6 +307,11 @@ impl Domain {
                 0 => Ok(()),
                 _ => Err(DomainError::Open { path: self.root.clone() }),
             },
+            // a link among them
+            Ok(found) if found.uid() == user => {
+                let source = io::ErrorKind::NotADirectory.into();
+                Err(DomainError::Root { path: self.root.clone(), source })
+            }
             Ok(found) => {
                 Err(DomainError::Foreign { path: self.root.clone(), owner: found.uid(), user })
             }
@@ -585,6 +590,12 @@ mod tests {
     fn a_directory_of_somebody_else_is_refused() {
         let error = Domain::at(Path::new("relative")).unwrap_err();
         assert!(matches!(error, DomainError::Path { .. }), "{error}");
+        // a link of this user is no directory, whatever it leads to
+        let link = std::env::temp_dir().join(format!("sarrus-link-{}", std::process::id()));
+        std::os::unix::fs::symlink("/tmp", &link).unwrap();
+        let error = Domain::at(&link).and_then(|domain| domain.make_root()).unwrap_err();
+        fs::remove_file(&link).unwrap();
+        assert!(error.to_string().contains("not a directory"), "{error}");
         // the first process's directory is never ours unless we are root
         if !rustix::process::geteuid().is_root() {
             assert!(matches!(Domain::at(Path::new("/proc/1")), Err(DomainError::Foreign { .. })));
