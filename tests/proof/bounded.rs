@@ -1,11 +1,14 @@
 //! The work of a request is bounded: what the bound costs, counted in states.
 
-use sarrus_dynamics::{Model, Plan, Workspace};
+use std::sync::Arc;
+
+use sarrus_dynamics::{Batch, CUT_SHORT, Model, Plan, Workspace};
 use sarrus_models::{Loaded, Options, Source, bundled, load};
-use sarrus_proto::{Field, FieldSet, Query, QueryOptions, Request, Status};
+use sarrus_proto::{Answer, Field, FieldSet, Query, QueryOptions, Request, Status, Warnings};
 use sarrus_tests::seed::Seeded;
 
-/// Random states of each robot; `SARRUS_STATES` sets another number.
+/// Random states of each robot; `SARRUS_STATES` sets another number, `SARRUS_ROBOTS` the robots
+/// (names with spaces between them).
 const STATES: usize = 300;
 
 /// The answers of one query with and without a search, over one workspace.
@@ -67,7 +70,10 @@ fn random_y(loaded: &Loaded, seeded: &mut Seeded) -> Vec<f64> {
 #[test]
 fn within_the_bound_every_reachable_state_of_the_bundled_robots_is_answered() {
     let states = std::env::var("SARRUS_STATES").ok().map_or(STATES, |n| n.parse().unwrap());
-    for (name, _) in bundled() {
+    let only = std::env::var("SARRUS_ROBOTS").ok();
+    let is_asked = |name: &str| only.as_ref().is_none_or(|x| x.split(' ').any(|x| x == name));
+    let (mut table, mut is_kept) = (String::new(), true);
+    for (name, _) in bundled().filter(|(name, _)| is_asked(name)) {
         let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap();
         let model = &loaded.compiled.model;
         let bound = model.bound();
@@ -79,7 +85,10 @@ fn within_the_bound_every_reachable_state_of_the_bundled_robots_is_answered() {
         let mut seeded = Seeded::new(name.len() as u64);
         // ok with a search, and of these not without it, from y and from u; iterations of a state
         let (mut ok, mut lost, mut most) = ([0, 0], [0, 0], 0.0_f64);
-        let mut note = |k: usize, [bounded, searched]: [Status; 2]| {
+        let mut note = |k: usize, [bounded, searched]: [Status; 2], input: &[f64]| {
+            if searched == Status::Ok && bounded != Status::Ok {
+                println!("{name}: lost from {}: {input:?}", ["y", "u"][k]);
+            }
             ok[k] += usize::from(searched == Status::Ok);
             lost[k] += usize::from(searched == Status::Ok && bounded != Status::Ok);
             // a bound that was met says so; any other status is that of the search
@@ -89,21 +98,22 @@ fn within_the_bound_every_reachable_state_of_the_bundled_robots_is_answered() {
         for _ in 0..states {
             let y = random_y(&loaded, &mut seeded);
             let statuses = from_y.ask(&y);
-            note(0, statuses);
+            note(0, statuses, &y);
             if statuses[0] == Status::Ok {
                 most = most.max(from_y.outputs[0][iterations.start]);
                 let given = from_y.outputs[0][u.clone()].to_vec();
-                note(1, from_u.ask(&given));
+                note(1, from_u.ask(&given), &given);
             }
         }
-        println!(
-            "{name}: {states} states, ok {ok:?}, of these lost {lost:?}; {most} steps at most"
+        let row = format!(
+            "{name}: {states} states, ok {ok:?}, of these lost {lost:?}; {most} steps at most\n"
         );
-        for k in [0, 1] {
-            assert!(lost[k] * 100_000 <= ok[k], "{name}: {lost:?} of {ok:?}");
-        }
+        print!("{row}");
+        table += &row;
+        is_kept &= [0, 1].into_iter().all(|k| lost[k] * 100_000 <= ok[k]);
         assert!(most <= f64::from(bound.steps), "{name}: {most} {bound:?}");
     }
+    assert!(is_kept, "more than 1 in 100,000 is lost from y or from u:\n{table}");
 }
 
 #[test]
@@ -135,4 +145,28 @@ fn a_state_that_no_loop_reaches_costs_no_more_than_the_bound() {
         }
     }
     assert!(cut > 0, "some state meets the bound");
+}
+
+#[test]
+fn a_row_that_is_cut_short_takes_its_turn_once() {
+    let mut robot = load(&Source::Bundled("delta".into()), &Options::default()).unwrap();
+    let loops = robot.description.submechanisms.iter_mut();
+    loops.for_each(|of| of.closed_forms = false);
+    let model = Arc::new(Model::compile(&robot.description).unwrap().model);
+    let query = Query::new(Request::Kinematics, Field::Y.into(), Field::Q.into());
+    let plan = Plan::new(&model, &query).unwrap();
+    let mut batch = Batch::new(&model, &plan);
+    assert!(batch.lanes() > 1, "its rows are closed apart");
+    let (good, long) = ([0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]);
+    for (before, rows) in [(0, [long, good, good, good]), (2, [good, good, long, good])] {
+        let (plan, workspace) = batch.parts();
+        workspace.answer_in_turns();
+        let mut output = vec![0.0; rows.len() * plan.want().len()];
+        let mut answers = [Answer { status: Status::Ok, warnings: Warnings::NONE }; 4];
+        let done = workspace.run(plan, rows.as_flattened(), &mut output, &mut answers);
+        assert_eq!((done, answers[before]), (before + 1, CUT_SHORT));
+        assert!(workspace.is_cut(before) && plan.is_cut_short(workspace.one().1, CUT_SHORT.status));
+        // its closure was not tried again alone
+        assert_eq!(batch.alone(), 0);
+    }
 }

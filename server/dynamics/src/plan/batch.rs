@@ -18,7 +18,7 @@ use sarrus_proto::{Answer, Field, FieldSet, Request, Status, Warnings};
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::plan::batch::tile::Tile;
-use crate::scalar::{FUSED, LANES, Packet};
+use crate::scalar::{FUSED, LANES, Packet, Real};
 use crate::workspace::{Workspace, most_closed};
 
 /// Most states that [`BatchWorkspace::close_rows`] closes at once.
@@ -27,6 +27,9 @@ const _: () = assert!(LANES <= MOST_ROWS);
 
 /// Every row runs alone.
 const ALL: u32 = u32::MAX;
+
+/// The answer of a row whose turn ended before it was closed.
+pub const CUT_SHORT: Answer = Answer { status: Status::NotConverged, warnings: Warnings::NONE };
 
 /// Fields that a packet of states may give: numbers of each state alone.
 const GIVEN: FieldSet = FieldSet::of(&[
@@ -121,6 +124,7 @@ impl Batch {
                 Box::new(Tile::new(constants, workspace, width, plan.want().len()))
             }),
             alone: 0,
+            cut: None,
         };
         let packed = PackedRows::new(LANES, plan.given().len(), plan.want().len());
         Batch { plan: plan.clone(), workspace, packed }
@@ -161,6 +165,8 @@ pub struct BatchWorkspace {
     /// Where states go abreast.
     tile: Option<Box<Tile>>,
     alone: u64,
+    /// In turns: the row of the last tile that took its turn without being closed.
+    cut: Option<usize>,
 }
 
 impl BatchWorkspace {
@@ -179,6 +185,7 @@ impl BatchWorkspace {
                 Box::new(Tile::new(constants, workspace, width, n_out))
             }),
             alone: 0,
+            cut: None,
         }
     }
 
@@ -190,6 +197,12 @@ impl BatchWorkspace {
     /// True after [`BatchWorkspace::answer_in_turns`].
     pub fn answers_in_turns(&self) -> bool {
         self.workspace.is_in_turns()
+    }
+
+    /// In turns: true if this row of the last tile took its turn without being closed. It has
+    /// [`CUT_SHORT`], and [`Plan::is_cut_short`] holds.
+    pub fn is_cut(&self, row: usize) -> bool {
+        self.cut == Some(row) && self.workspace.is_cut()
     }
 
     /// The model that it was made for.
@@ -207,7 +220,8 @@ impl BatchWorkspace {
     /// after the other, rows for [`Plan::run_closed`], and a bit for each that has none, in whose
     /// place stands one that has. `None` where none has one, or there is no room. Allocates never.
     pub fn close_rows(&mut self, plan: &Plan, given: &[f64]) -> Option<(&[f64], u32)> {
-        close_rows(plan, &self.model, &mut self.workspace, &mut self.closed, given)
+        let BatchWorkspace { model, workspace, closed, cut, .. } = self;
+        close_rows(plan, model, workspace, (closed, cut), given)
     }
 
     /// Answers states of a plan, as [`Batch::run`]; how many, which are all but in turns.
@@ -245,6 +259,10 @@ impl BatchWorkspace {
             let packed = packed && rows == LANES;
             let alone = if packed { self.run_tile(plan, given, want, of_rows) } else { ALL };
             for row in (0..rows).filter(|row| alone >> row & 1 != 0) {
+                if packed && self.is_cut(row) {
+                    of_rows[row] = CUT_SHORT;
+                    return done + row + 1;
+                }
                 self.alone += 1;
                 of_rows[row] = plan.run(
                     &self.model,
@@ -269,11 +287,11 @@ impl BatchWorkspace {
         want: &mut [f64],
         answers: &mut [Answer],
     ) -> u32 {
-        let BatchWorkspace { model, workspace, closed, tile: Some(tile), .. } = self else {
+        let BatchWorkspace { model, workspace, closed, tile: Some(tile), cut, .. } = self else {
             return ALL;
         };
         let (given, open) = if plan.closes_apart() {
-            let Some(closed) = close_rows(plan, model, workspace, closed, given) else {
+            let Some(closed) = close_rows(plan, model, workspace, (closed, cut), given) else {
                 return ALL;
             };
             closed
@@ -291,7 +309,7 @@ fn close_rows<'a>(
     plan: &Plan,
     model: &Model<f64>,
     workspace: &mut Workspace<f64>,
-    closed: &'a mut [f64],
+    (closed, cut): (&'a mut [f64], &mut Option<usize>),
     given: &[f64],
 ) -> Option<(&'a [f64], u32)> {
     let n_in = plan.given().len();
@@ -310,6 +328,7 @@ fn close_rows<'a>(
             }
             // it goes alone, and those behind it have their turn later
             None if in_turns => {
+                *cut = Some(row);
                 open |= u32::MAX << row;
                 break;
             }
@@ -327,6 +346,12 @@ impl Plan {
     /// How many states of this plan go abreast: [`LANES`], or 1 where each is answered alone.
     pub fn abreast(&self) -> usize {
         self.batch_width
+    }
+
+    /// True if the last [`Plan::close`] of this workspace took its whole turn; where it returned
+    /// nothing the answer is [`CUT_SHORT`].
+    pub fn spent_turn<T: Real>(&self, workspace: &Workspace<T>) -> bool {
+        self.closes_apart() && workspace.is_cut()
     }
 
     /// Computes the batch width. Forward dynamics of the whole KKT system, a check of the other

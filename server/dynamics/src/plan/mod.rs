@@ -18,7 +18,7 @@ mod state;
 mod steps;
 mod view;
 
-pub use batch::{Batch, BatchWorkspace, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
+pub use batch::{Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};

@@ -228,6 +228,11 @@ impl<T: Real> Workspace<T> {
         self.in_turns
     }
 
+    /// True if the last request took its whole turn.
+    pub(crate) fn is_cut(&self) -> bool {
+        self.in_turns && self.scratch.left == 0
+    }
+
     /// Operations that the iterations of a request may spend; of one that starts from its answer in
     /// another scalar as many as it takes there.
     pub(crate) fn budget(&self, searches: bool) -> u64 {

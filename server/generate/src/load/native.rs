@@ -1,6 +1,8 @@
 //! A kernel in the code of this computer.
 
-use sarrus_dynamics::{Answer, BatchWorkspace, Model, Plan, Status, Warnings, Workspace};
+use sarrus_dynamics::{
+    Answer, BatchWorkspace, CUT_SHORT, Model, Plan, Status, Warnings, Workspace,
+};
 
 use super::object::Object;
 use crate::Manifest;
@@ -101,14 +103,21 @@ impl NativeKernel {
             for (row, answer) in answers.iter_mut().enumerate() {
                 let input = &input[row * n_in..][..n_in];
                 let output = &mut output[row * n_out..][..n_out];
+                let was_cut = scratch.is_cut(row);
                 let (model, workspace) = scratch.one();
                 let by_code = match &bits {
                     Some(bits) => bits.answer(row),
+                    None if was_cut => None,
                     None => self.answer((model, plan), workspace, input, output),
                 };
                 by_kernel += usize::from(by_code.is_some());
                 let is_alone = by_code.is_none();
-                *answer = by_code.unwrap_or_else(|| plan.run(model, workspace, input, output));
+                // the plan would take another turn to end there
+                let is_cut = was_cut || bits.is_none() && plan.spent_turn(workspace);
+                *answer = by_code.unwrap_or_else(|| match is_cut {
+                    true => CUT_SHORT,
+                    false => plan.run(model, workspace, input, output),
+                });
                 if is_alone && scratch.answers_in_turns() {
                     return (first + row + 1, by_kernel);
                 }

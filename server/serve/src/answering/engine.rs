@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rtrb::{Consumer, Producer, PushError};
-use sarrus_dynamics::{BatchWorkspace, MOST_ROWS, Model, Plan};
+use sarrus_dynamics::{BatchWorkspace, CUT_SHORT, MOST_ROWS, Model, Plan};
 use sarrus_proto::batch::{BatchHead, BatchShape, ServedBatch};
 use sarrus_proto::checksum::of_request;
 use sarrus_proto::message::{
@@ -381,12 +381,17 @@ impl Engine {
                 let last = answers[..rows].last().map_or(Status::Ok, |answer| answer.status);
                 let is_cut_short = plan.is_cut_short(self.workspace.one().1, last);
                 match &mut self.aside {
-                    Some(threads) if is_cut_short && rows == 1 => {
-                        thread_of(threads, plan).submit(key, plan, &input[..n_in]);
+                    Some(threads) if is_cut_short => {
+                        let before = rows - 1;
+                        let key = Key { row: Some(first + before), ..key };
+                        let input = &input[before * n_in..][..n_in];
+                        thread_of(threads, plan).submit(key, plan, input);
                         self.cut_short = true;
-                        return Ok(None);
+                        if before == 0 {
+                            return Ok(None);
+                        }
+                        before
                     }
-                    Some(_) if is_cut_short => rows - 1,
                     _ => rows,
                 }
             }
@@ -456,6 +461,8 @@ fn compute(
             *by_kernel += 1;
             answer
         }
+        // the plan would take another turn to end there
+        None if kernel.is_some() && plan.spent_turn(workspace) => CUT_SHORT,
         None => plan.run(model, workspace, input, output),
     }
 }

@@ -4,7 +4,7 @@ use std::os::fd::OwnedFd;
 
 use rtrb::RingBuffer;
 use sarrus_dynamics::scalar::LANES;
-use sarrus_dynamics::{Model, Plan};
+use sarrus_dynamics::{CUT_SHORT, Model, Plan};
 use sarrus_models::{Options, Source, load};
 use sarrus_proto::batch::{BatchHead, BatchShape, ClaimedBatch, MAX_BATCH_ROWS, ServedBatch};
 use sarrus_proto::board::{ClaimedLane, class_of};
@@ -364,6 +364,43 @@ fn a_state_that_needs_more_than_a_turn_delays_nobody_and_has_the_bits_of_the_pla
     }
     drop(run);
     domain.tidy();
+}
+
+#[test]
+fn a_row_that_needs_more_than_a_turn_takes_one_and_has_the_bits_of_the_plan() {
+    let query = Query::new(Request::Kinematics, Field::Y.into(), Field::Q.into());
+    let mut stepped = Stepped::of("delta", query);
+    let model = Arc::new(with_all_rows("delta"));
+    let threads = [(); 2].map(|()| Aside::start(&model, "aside", 8, || {}).unwrap());
+    stepped.hot.engine.set_aside(threads);
+    let area = stepped.batches(0);
+    let (good, long) = ([0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]);
+    let rows = [good, good, long, good, long, good];
+    let (n_in, n_out) = (good.len(), stepped.plan.want().len());
+    assert_eq!(stepped.plan.abreast(), LANES, "its rows are closed apart");
+    let shape = BatchShape::new(rows.len() as u64, n_in, n_out).unwrap();
+    area.send(&stepped.head(1, rows.len()), &shape, rows.as_flattened());
+    // each of both goes aside with the rows before it, and is not tried again
+    let mut cut_after = Vec::new();
+    while area.answer(1).is_none() {
+        stepped.hot.answer_tile(false);
+        stepped.hot.engine.end_sweep();
+        if std::mem::take(&mut stepped.hot.engine.cut_short) {
+            cut_after.push(area.done());
+        }
+    }
+    assert_eq!((cut_after, area.answer(1)), (vec![2, 4], Some(Status::Ok as u32)));
+    let mut found = vec![0.0; rows.len() * n_out];
+    let mut answers = vec![CUT_SHORT; rows.len()];
+    area.read(&shape, &mut answers, &mut found);
+    let mut whole = sarrus_dynamics::Workspace::new(&model);
+    for (k, y) in rows.iter().enumerate() {
+        let mut output = vec![0.0; n_out];
+        let answer = stepped.plan.run(&model, &mut whole, y, &mut output);
+        let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(answers[k], answer, "row {k}");
+        assert_eq!(bits(&found[k * n_out..][..n_out]), bits(&output), "row {k}");
+    }
 }
 
 #[test]
