@@ -273,7 +273,7 @@ fn held(file: &File, path: &Path) -> io::Error {
 /// The process that holds the lock of a file, if this one sees it.
 fn holder(file: &File) -> Option<u32> {
     let found = file.metadata().ok()?;
-    let (major, minor) = (rustix::fs::major(found.dev()), rustix::fs::minor(found.dev()));
+    let [major, minor] = [rustix::fs::major, rustix::fs::minor].map(|part| part(found.dev()));
     let place = format!("{major:02x}:{minor:02x}:{}", found.ino());
     let locks = fs::read_to_string("/proc/locks").ok()?;
     let holders = locks.lines().filter_map(|line| {

@@ -397,17 +397,11 @@ impl Engine {
             }
         };
         let answers = &mut answers[..rows];
-        let (input, output) = (&input[..rows * n_in], &mut output[..rows * n_out]);
+        let output = &mut output[..rows * n_out];
         area.write(&shape, first, answers, output);
 
-        // each row as a separate request
         if let Some(recorder) = &mut self.recorder {
-            for (row, answer) in answers.iter().enumerate() {
-                let (input, output) =
-                    (&input[row * n_in..][..n_in], &output[row * n_out..][..n_out]);
-                recorder.record(&single(head), plan.query(), input, output, *answer);
-                recorder.commit_row();
-            }
+            record_rows(recorder, head, plan, input, output, answers);
         }
         Ok(Some(Tile { answers, is_last: first + rows >= shape.rows() }))
     }
@@ -464,6 +458,25 @@ fn compute(
         // the plan would take another turn to end there
         None if kernel.is_some() && plan.spent_turn(workspace) => CUT_SHORT,
         None => plan.run(model, workspace, input, output),
+    }
+}
+
+/// Copies answered rows of a batch, each as a separate request.
+fn record_rows(
+    recorder: &mut Recorder,
+    head: &BatchHead,
+    plan: &Plan,
+    input: &[f64],
+    output: &[f64],
+    answers: &[Answer],
+) {
+    let n_in = plan.given().len();
+    let n_out = plan.want().len();
+    for (row, answer) in answers.iter().enumerate() {
+        let input = &input[row * n_in..][..n_in];
+        let output = &output[row * n_out..][..n_out];
+        recorder.record(&single(head), plan.query(), input, output, *answer);
+        recorder.commit_row();
     }
 }
 
