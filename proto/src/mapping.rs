@@ -276,7 +276,7 @@ fn holder(file: &File) -> Option<u32> {
     let [major, minor] = [rustix::fs::major, rustix::fs::minor].map(|part| part(found.dev()));
     let place = format!("{major:02x}:{minor:02x}:{}", found.ino());
     let locks = fs::read_to_string("/proc/locks").ok()?;
-    let holders = locks.lines().filter_map(|line| {
+    let mut holders = locks.lines().filter_map(|line| {
         // `1: FLOCK  ADVISORY  WRITE 4321 00:1a:77 0 EOF`
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
@@ -285,7 +285,7 @@ fn holder(file: &File) -> Option<u32> {
         }
     });
     // 0 stands for a process of another namespace
-    holders.filter(|process| *process != 0).next()
+    holders.find(|process| *process != 0)
 }
 
 /// Looks at words that are locked and not marked, after which their process counts as alive, and at

@@ -400,9 +400,14 @@ fn a_stopped_server_or_supervisor_is_continued_by_the_other_one() {
 
 /// strace that delays this system call of a thread for a minute.
 fn hang(thread: &str, call: &str) -> Option<Process> {
+    delay(thread, call, 60_000)
+}
+
+/// strace that delays this system call of a thread by so many milliseconds.
+fn delay(thread: &str, call: &str, ms: u32) -> Option<Process> {
     let mut command = Command::new("strace");
     command.args(["-e", &format!("trace={call}"), "-p", thread, "-e"]);
-    command.arg(format!("inject={call}:delay_enter=60000000"));
+    command.arg(format!("inject={call}:delay_enter={ms}000"));
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut strace = Process(command.spawn().ok()?);
     let mut said = String::new();
@@ -444,4 +449,25 @@ fn a_hanging_thread_ends_a_supervised_server_and_a_hanging_upkeep_thread_no_othe
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     drop(hanging);
     assert!([server, other, alone].into_iter().all(|server| server.stop().success()));
+}
+
+#[test]
+fn clients_that_attach_at_once_on_a_slow_disk_are_no_hanging_thread() {
+    let sandbox = Sandbox::new();
+    let server = supervised(&sandbox, "slow", &["--short-life", "0", "--lanes", "64"]);
+    let process = serving(server.id());
+    // a disk on which the calls of all of them take longer than a thread that hangs
+    let Some(disk) = delay(&process.to_string(), "fsync", 60) else {
+        return println!("not run: no strace, or no right to use it");
+    };
+    std::thread::scope(|scope| {
+        let connect = || sandbox.connect("slow", Transport::Lane).map(drop);
+        let clients: Vec<_> = (0..40).map(|_| scope.spawn(connect)).collect();
+        clients.into_iter().for_each(|client| client.join().unwrap().unwrap());
+    });
+    assert_eq!(serving(server.id()), process);
+    // a traced thread ends with its tracer
+    drop(disk);
+    next_server(&sandbox, "slow", process);
+    assert!(server.stop().success());
 }

@@ -358,10 +358,11 @@ impl Upkeep {
     /// Waits for clients, answers one call of each that sent one, and does the periodic work.
     fn step(&mut self, stop: &AtomicBool, stopping: bool) {
         let wait = if stopping { Duration::from_millis(1) } else { WAIT };
-        self.watchdog.poll(self.heartbeat.read().beats);
-        self.steps.fetch_add(1, Relaxed);
+        self.note_step();
         for client in self.calls.connections.wait(wait) {
-            // a stop does not wait for the calls of many clients
+            // the calls of many clients may take longer than a thread that hangs
+            self.note_step();
+            // a stop does not wait for them
             if stop.load(Relaxed) && !stopping {
                 return;
             }
@@ -379,6 +380,12 @@ impl Upkeep {
             self.restore();
             self.log_late();
         }
+    }
+
+    /// For both watchdogs: of the answering thread, and of this one.
+    fn note_step(&mut self) {
+        self.watchdog.poll(self.heartbeat.read().beats);
+        self.steps.fetch_add(1, Relaxed);
     }
 
     /// Logs the number of late answers since the last call.
