@@ -38,7 +38,7 @@ fn stress_cases_are_a_section_by_both_of_their_names() {
 #[test]
 fn a_report_of_one_robot_has_the_sections_on_robots() {
     let folder = Folder::new("report-own");
-    let out = folder.path().join("report").display().to_string();
+    let out = folder.0.join("report").display().to_string();
     let own = run(
         &[
             "report",
