@@ -72,7 +72,8 @@ fn within_the_bound_every_reachable_state_of_the_bundled_robots_is_answered() {
     let states = std::env::var("SARRUS_STATES").ok().map_or(STATES, |n| n.parse().unwrap());
     let only = std::env::var("SARRUS_ROBOTS").ok();
     let is_asked = |name: &str| only.as_ref().is_none_or(|x| x.split(' ').any(|x| x == name));
-    let (mut table, mut is_kept) = (String::new(), true);
+    let mut table = String::new();
+    let mut is_kept = true;
     for (name, _) in bundled().filter(|(name, _)| is_asked(name)) {
         let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap();
         let model = &loaded.compiled.model;
@@ -157,7 +158,7 @@ fn a_row_that_is_cut_short_takes_its_turn_once() {
     let plan = Plan::new(&model, &query).unwrap();
     let mut batch = Batch::new(&model, &plan);
     assert!(batch.lanes() > 1, "its rows are closed apart");
-    let (good, long) = ([0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]);
+    let [good, long] = [[0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]];
     for (before, rows) in [(0, [long, good, good, good]), (2, [good, good, long, good])] {
         let (plan, workspace) = batch.parts();
         workspace.answer_in_turns();

@@ -374,9 +374,9 @@ fn a_row_that_needs_more_than_a_turn_takes_one_and_has_the_bits_of_the_plan() {
     let threads = [(); 2].map(|()| Aside::start(&model, "aside", 8, || {}).unwrap());
     stepped.hot.engine.set_aside(threads);
     let area = stepped.batches(0);
-    let (good, long) = ([0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]);
+    let [good, long] = [[0.1, 0.1, 0.0], [-1.0, 0.5, -0.8]];
     let rows = [good, good, long, good, long, good];
-    let (n_in, n_out) = (good.len(), stepped.plan.want().len());
+    let [n_in, n_out] = [good.len(), stepped.plan.want().len()];
     assert_eq!(stepped.plan.abreast(), LANES, "its rows are closed apart");
     let shape = BatchShape::new(rows.len() as u64, n_in, n_out).unwrap();
     area.send(&stepped.head(1, rows.len()), &shape, rows.as_flattened());
