@@ -125,6 +125,33 @@ wire_enum! {
         Energy = 49, "energy";
         /// Classical acceleration of each wanted frame at ÿ = 0, J̇ ẏ (n_frames × 6).
         JdYd = 50, "Jd_yd";
+        /// ∂τ_y/∂y at fixed ẏ and ÿ; the column of a ball or floating joint is that of a turn or
+        /// slide in its body (n_vy × n_vy).
+        DtauYDy = 51, "dtau_y_dy";
+        /// ∂τ_y/∂ẏ (n_vy × n_vy).
+        DtauYDyd = 52, "dtau_y_dyd";
+        /// ∂τ_u/∂y at fixed ẏ and ÿ (n_u × n_vy).
+        DtauUDy = 53, "dtau_u_dy";
+        /// ∂τ_u/∂ẏ (n_u × n_vy).
+        DtauUDyd = 54, "dtau_u_dyd";
+        /// ∂ÿ/∂y at fixed ẏ and the fixed given force (n_vy × n_vy).
+        DyddDy = 55, "dydd_dy";
+        /// ∂ÿ/∂ẏ (n_vy × n_vy).
+        DyddDyd = 56, "dydd_dyd";
+        /// ∂ÿ/∂τ_u = M_y⁻¹ G_uᵀ (n_vy × n_u).
+        DyddDtauU = 57, "dydd_dtau_u";
+        /// Derivative of `tau_unactuated` by y (n_vy × n_vy).
+        DtauUnactuatedDy = 58, "dtau_unactuated_dy";
+        /// Derivative of `tau_unactuated` by ẏ (n_vy × n_vy).
+        DtauUnactuatedDyd = 59, "dtau_unactuated_dyd";
+        /// Rate of G along the motion (n_v × n_vy).
+        Gd = 60, "Gd";
+        /// ∂q̈/∂y at fixed ẏ and ÿ (n_v × n_vy).
+        DqddDy = 61, "dqdd_dy";
+        /// ∂g/∂ẏ, which is ∂q̈/∂ẏ at fixed ÿ (n_v × n_vy).
+        DgBiasDyd = 62, "dg_bias_dyd";
+        /// ∂(J ẏ)/∂y of each wanted frame at fixed ẏ (6 n_frames × n_vy).
+        DjacobianDy = 63, "djacobian_dy";
     }
 }
 
@@ -153,11 +180,14 @@ impl Field {
             QdGuess => (s.n_v, 1),
             U | Ud | Udd | TauU | GUBias => (p.n_u, 1),
             Wrenches => (n_wrenches, 6),
-            G => (p.n_v, s.n_vy),
-            GU => (p.n_u, s.n_vy),
+            G | Gd | DqddDy | DgBiasDyd => (p.n_v, s.n_vy),
+            GU | DtauUDy | DtauUDyd => (p.n_u, s.n_vy),
+            DyddDtauU => (p.n_vy, s.n_u),
             K => (s.n_c, s.n_v),
             KBias | Lambda | LambdaDeterminate => (s.n_c, 1),
-            MY => (p.n_vy, s.n_vy),
+            MY | DtauYDy | DtauYDyd | DyddDy | DyddDyd | DtauUnactuatedDy | DtauUnactuatedDyd => {
+                (p.n_vy, s.n_vy)
+            }
             Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => (1, 1),
             GoodIndependents => (s.n_v, 1),
             Uncontrolled => (s.n_vy, 1),
@@ -165,7 +195,7 @@ impl Field {
             FramePose => (n_frames, 7),
             FrameTwist | FrameAcc | JdYd => (n_frames, 6),
             JacobianTree => (6 * n_frames, s.n_v),
-            JacobianIndependent => (6 * n_frames, s.n_vy),
+            JacobianIndependent | DjacobianDy => (6 * n_frames, s.n_vy),
             JacobianActuator => (6 * n_frames, s.n_u),
             Branch => (s.n_branches, 1),
             Com | ComBias => (3, 1),
@@ -181,6 +211,11 @@ impl Field {
         let none = Sizes::default();
         let one = Sizes { n_q: 1, n_v: 1, n_qy: 1, n_vy: 1, n_u: 1, ..none };
         self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0
+    }
+
+    /// True for derivatives, which are matrices.
+    pub const fn is_derivative(self) -> bool {
+        Field::DtauYDy as u8 <= self as u8 && self as u8 <= Field::DjacobianDy as u8
     }
 
     /// The field of a name, as in scripts.

@@ -91,6 +91,19 @@ fields! {
     Energy "2" "J"
         "kinetic energy with rotors, potential energy of gravity (zero at the origin) and springs";
     JdYd "n_frames × 6" "rad/s², m/s²" "acceleration of each frame at ÿ = 0, J̇ ẏ";
+    DtauYDy "n_vy × n_vy" "mixed" "∂τ_y/∂y at fixed ẏ and ÿ; of quaternion joints in body axes";
+    DtauYDyd "n_vy × n_vy" "mixed" "∂τ_y/∂ẏ";
+    DtauUDy "n_u × n_vy" "mixed" "∂τ_u/∂y at fixed ẏ and ÿ";
+    DtauUDyd "n_u × n_vy" "mixed" "∂τ_u/∂ẏ";
+    DyddDy "n_vy × n_vy" "mixed" "∂ÿ/∂y at fixed ẏ and the fixed given force";
+    DyddDyd "n_vy × n_vy" "mixed" "∂ÿ/∂ẏ at the fixed given force";
+    DyddDtauU "n_vy × n_u" "mixed" "∂ÿ/∂τ_u = M_y⁻¹ G_uᵀ";
+    DtauUnactuatedDy "n_vy × n_vy" "mixed" "derivative of `tau_unactuated` by y";
+    DtauUnactuatedDyd "n_vy × n_vy" "mixed" "derivative of `tau_unactuated` by ẏ";
+    Gd "n_v × n_vy" "mixed" "rate of G along the motion";
+    DqddDy "n_v × n_vy" "mixed" "∂q̈/∂y at fixed ẏ and ÿ";
+    DgBiasDyd "n_v × n_vy" "mixed" "∂g/∂ẏ, which is ∂q̈/∂ẏ at fixed ÿ";
+    DjacobianDy "6 n_frames × n_vy" "mixed" "∂(J ẏ)/∂y of each frame at fixed ẏ";
 }
 
 #[cfg(test)]

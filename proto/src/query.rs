@@ -62,11 +62,21 @@ impl Request {
             FieldSet::of(Field::ALL).without(FieldSet::of(&[QGuess, QdGuess, Wrenches]));
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
         const MASSES: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
-        const STATE: FieldSet = ANSWERS.without(FORCES).without(MASSES);
+        const OF_FORCES: FieldSet = FieldSet::of(&[
+            DtauYDy,
+            DtauYDyd,
+            DtauUDy,
+            DtauUDyd,
+            DtauUnactuatedDy,
+            DtauUnactuatedDyd,
+        ]);
+        const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU]);
+        const INVERSE: FieldSet = ANSWERS.without(OF_ACCELERATIONS);
+        const STATE: FieldSet = INVERSE.without(FORCES).without(MASSES).without(OF_FORCES);
         match self {
             Request::Kinematics => STATE,
-            Request::InverseDynamics => ANSWERS,
-            Request::ForwardDynamics => ANSWERS.without(FORCES).with(TauY),
+            Request::InverseDynamics => INVERSE,
+            Request::ForwardDynamics => ANSWERS.without(FORCES).without(OF_FORCES).with(TauY),
             Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
         }
     }

@@ -28,6 +28,7 @@ mod examples;
 mod failures;
 mod forward;
 mod generated;
+mod gradients;
 mod hyrodyn;
 mod implicit;
 mod laws;

@@ -36,7 +36,10 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
                 let of_frames = slot.rows != whole.rows || field >= Field::FramePose;
                 let per_frame = match field {
                     Field::FramePose | Field::FrameTwist | Field::FrameAcc | Field::JdYd => 1,
-                    Field::JacobianTree | Field::JacobianIndependent | Field::JacobianActuator => 6,
+                    Field::JacobianTree
+                    | Field::JacobianIndependent
+                    | Field::JacobianActuator
+                    | Field::DjacobianDy => 6,
                     _ => 0,
                 };
                 if of_frames && per_frame > 0 {
@@ -51,9 +54,11 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
             Field::U | Field::Ud | Field::Udd | Field::TauU | Field::GU | Field::GUBias => {
                 rows.u.clone()
             }
+            Field::DtauUDy | Field::DtauUDyd => rows.u.clone(),
             Field::Qd | Field::Qdd | Field::TauQ | Field::G | Field::GBias | Field::Limits => {
                 rows.v.clone()
             }
+            Field::Gd | Field::DqddDy | Field::DgBiasDyd => rows.v.clone(),
             _ => rows.vy.clone(),
         };
         part.extend(picked.into_iter().flat_map(of_row));

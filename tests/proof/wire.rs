@@ -42,7 +42,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 51] = [
+    const NAMES: [&str; 64] = [
         "y",
         "yd",
         "ydd",
@@ -94,6 +94,19 @@ fn fields_keep_their_numbers_and_names() {
         "centroidal",
         "energy",
         "Jd_yd",
+        "dtau_y_dy",
+        "dtau_y_dyd",
+        "dtau_u_dy",
+        "dtau_u_dyd",
+        "dydd_dy",
+        "dydd_dyd",
+        "dydd_dtau_u",
+        "dtau_unactuated_dy",
+        "dtau_unactuated_dyd",
+        "Gd",
+        "dqdd_dy",
+        "dg_bias_dyd",
+        "djacobian_dy",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {

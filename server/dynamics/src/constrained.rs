@@ -64,7 +64,7 @@ impl<T: Real> ImplicitForm<T> {
             .collect();
         ImplicitForm {
             fingerprint: model.fingerprint(),
-            ws: Workspace::sized(model, Needs { mass_matrix: false, dense: false, kkt: true }),
+            ws: Workspace::sized(model, Needs { kkt: true, ..Needs::default() }),
             bodies: supports(model, &links),
             links: links.into_iter().enumerate().collect(),
             scope: Scope::whole(model),

@@ -134,6 +134,73 @@ impl<T: Real> Pose<T> {
     }
 }
 
+/// A spatial vector at a fixed origin: a motion [ω; v] or a force [n; f].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spatial<T: Real> {
+    pub(crate) a: T::Triple,
+    pub(crate) l: T::Triple,
+}
+
+impl<T: Real> Spatial<T> {
+    #[inline(always)]
+    pub(crate) fn zero() -> Spatial<T> {
+        Spatial { a: T::Triple::zero(), l: T::Triple::zero() }
+    }
+
+    /// The motion of a turn about, or a slide along, an axis through a point.
+    #[inline(always)]
+    pub(crate) fn joint(axis: T::Triple, point: T::Triple, slides: bool) -> Spatial<T> {
+        if slides {
+            Spatial { a: T::Triple::zero(), l: axis }
+        } else {
+            Spatial { a: axis, l: point.cross(axis) }
+        }
+    }
+
+    /// self + b s.
+    #[inline(always)]
+    pub(crate) fn add_scaled(self, b: Spatial<T>, s: T) -> Spatial<T> {
+        Spatial { a: self.a.add_scaled(b.a, s), l: self.l.add_scaled(b.l, s) }
+    }
+
+    /// self + b.
+    #[inline(always)]
+    pub(crate) fn plus(self, b: Spatial<T>) -> Spatial<T> {
+        Spatial { a: self.a + b.a, l: self.l + b.l }
+    }
+
+    /// self − b.
+    #[inline(always)]
+    pub(crate) fn minus(self, b: Spatial<T>) -> Spatial<T> {
+        Spatial { a: self.a - b.a, l: self.l - b.l }
+    }
+
+    /// Motion × motion [F08, 2.33].
+    #[inline(always)]
+    pub(crate) fn cross(self, m: Spatial<T>) -> Spatial<T> {
+        Spatial { a: self.a.cross(m.a), l: self.a.cross(m.l).add_cross(self.l, m.a) }
+    }
+
+    /// Motion ×* force [F08, 2.34].
+    #[inline(always)]
+    pub(crate) fn cross_force(self, f: Spatial<T>) -> Spatial<T> {
+        Spatial { a: self.a.cross(f.a).add_cross(self.l, f.l), l: self.a.cross(f.l) }
+    }
+
+    /// Power of a force along a motion.
+    #[inline(always)]
+    pub(crate) fn dot(self, f: Spatial<T>) -> T {
+        let sum = self.l.mul_add(f.l, self.a.times(f.a));
+        sum[0] + sum[1] + sum[2]
+    }
+
+    /// Velocity of the point that moves with the body.
+    #[inline(always)]
+    pub(crate) fn at(self, point: T::Triple) -> T::Triple {
+        self.l.add_cross(self.a, point)
+    }
+}
+
 /// The zero vector.
 #[inline(always)]
 pub(crate) fn zero<T: Real>() -> Vector3<T> {

@@ -26,11 +26,14 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
     let Slot { field, rows, columns, .. } = *slot;
     match field {
         Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => vec![],
-        JacobianTree | JacobianIndependent | JacobianActuator => vec![rows / 6, 6, columns],
+        JacobianTree | JacobianIndependent | JacobianActuator | DjacobianDy => {
+            vec![rows / 6, 6, columns]
+        }
         G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
         | Centroidal | JdYd => {
             vec![rows, columns]
         }
+        field if field.is_derivative() => vec![rows, columns],
         _ => vec![rows],
     }
 }

@@ -4,6 +4,7 @@ mod centroidal;
 mod cluster_aba;
 mod cluster_columns;
 mod crba;
+mod derivatives;
 mod frames;
 mod mass_matrix;
 mod rnea;
@@ -12,6 +13,7 @@ mod terms;
 pub(crate) use centroidal::Links;
 pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
+pub(crate) use derivatives::{force_derivatives, moving_bodies};
 pub(crate) use frames::{
     frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, in_root, pack,
     pose_numbers, rates, velocities, world_poses,

@@ -28,6 +28,7 @@ pub(crate) use constraint::rows::{
 pub(crate) use constraint::scaling::{
     assembly_branch, column_unit, dependents_range, row_unit, scaled,
 };
+pub(crate) use constraint::second::Second;
 pub(crate) use coupling::Coupling;
 pub(crate) use dyads::{Driven, Dyads, Pair, Pin, Point, Step};
 pub(crate) use leg::Strut;
@@ -177,6 +178,15 @@ impl<T> Closure<T> {
             Closure::Platform(platform) => platform.polish.is_none(),
             Closure::Planar(planar) => planar.polish.is_none(),
             Closure::Numerical(_) => false,
+        }
+    }
+
+    /// True where G is constant.
+    pub(crate) fn is_linear(&self) -> bool {
+        match self {
+            Closure::Serial => true,
+            Closure::Coupling(coupling) => coupling.polish.is_none(),
+            _ => false,
         }
     }
 

@@ -187,6 +187,48 @@ pub(crate) fn substitute_back<T: Real>(A: &[T], B: &mut [T], m: usize, n: usize)
     }
 }
 
+/// X = A⁻¹ (m×m) by elimination with exchanges, which over doubles skips zeros: a matrix of small
+/// blocks costs little more than its blocks. A is destroyed; false where a pivot is zero or no
+/// number.
+pub(crate) fn invert<T: Real>(A: &mut [T], X: &mut [T], m: usize) -> bool {
+    X[..m * m].fill(T::ZERO);
+    (0..m).for_each(|k| X[k * m + k] = T::ONE);
+    for k in 0..m {
+        let mut best = k;
+        for i in k + 1..m {
+            if A[best * m + k].abs() < A[i * m + k].abs() {
+                best = i;
+            }
+        }
+        if best != k {
+            for j in 0..m {
+                A.swap(best * m + j, k * m + j);
+                X.swap(best * m + j, k * m + j);
+            }
+        }
+        let pivot = A[k * m + k];
+        if !(T::ZERO < pivot.abs()) {
+            return false;
+        }
+        let inverse = T::ONE / pivot;
+        for i in (0..m).filter(|i| *i != k) {
+            if T::UNROLLED && A[i * m + k] == T::ZERO {
+                continue;
+            }
+            let l = -(A[i * m + k] * inverse);
+            for j in k + 1..m {
+                A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
+            }
+            for j in 0..m {
+                X[i * m + j] = l.mul_add(X[k * m + j], X[i * m + j]);
+            }
+        }
+        X[k * m..(k + 1) * m].iter_mut().for_each(|x| *x = *x * inverse);
+        A[k * m + k + 1..(k + 1) * m].iter_mut().for_each(|x| *x = *x * inverse);
+    }
+    true
+}
+
 /// Singular value decomposition A = U Σ Vᵀ of the m×n row-major matrix A by one-sided Jacobi
 /// rotations \[H58\]: A becomes U Σ, its column norms are the singular values, in no order.
 /// V (n×n) is filled, or left out where it is empty.

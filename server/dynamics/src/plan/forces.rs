@@ -9,6 +9,7 @@ use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
+use crate::plan::needed::OF_ACTUATORS;
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
 use crate::scalar::{BranchValue, Real};
@@ -79,7 +80,8 @@ impl Plan {
             to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
-        if self.wants_any(&[Field::TauU, Field::TauUnactuated, Field::Lambda]) {
+        let of_actuators = [Field::TauU, Field::TauUnactuated, Field::Lambda];
+        if self.wants_any(&of_actuators) || self.wants_any(&OF_ACTUATORS) {
             report.doubt.times(to_actuators(model, scope, ws)?);
         }
         if self.wants(Field::Lambda) {
@@ -279,7 +281,7 @@ impl Plan {
     }
 
     /// The given forces by internal tree velocity; a force on an independent is one on its joint.
-    fn each_given_force<T: Real>(
+    pub(super) fn each_given_force<T: Real>(
         &self,
         model: &Model<T>,
         input: &[T],
@@ -380,7 +382,7 @@ impl Plan {
     }
 
     /// True if wrenches are given on needed bodies.
-    fn feels_wrenches(&self) -> bool {
+    pub(super) fn feels_wrenches(&self) -> bool {
         !self.wrench_links.is_empty()
     }
 

@@ -3,6 +3,7 @@
 mod actuation;
 mod batch;
 mod closed;
+mod derivatives;
 mod diagnostics;
 mod forces;
 mod kkt;
@@ -124,7 +125,7 @@ impl Plan {
             fingerprint: model.meta.fingerprint,
             steps,
             method,
-            frame_bodies: match steps.links {
+            frame_bodies: match steps.links || steps.derivatives {
                 true => (1..model.bodies.len()).collect(),
                 false => supports(model, &posed_links(query)),
             },
@@ -162,7 +163,8 @@ impl Plan {
     /// The square matrices that a workspace has to have.
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
-        Needs { mass_matrix: self.steps.mass_matrix, dense: self.steps.conditions, kkt }
+        let Steps { mass_matrix, conditions: dense, derivatives, .. } = self.steps;
+        Needs { mass_matrix, dense, kkt, derivatives }
     }
 
     /// True if a request may search as long as it takes.

@@ -38,6 +38,26 @@ pub(super) const OF_THE_LINKS: [Field; 6] = [
     Field::Centroidal,
     Field::Energy,
 ];
+/// Derivatives, and those of them that need forces and masses.
+pub(super) const DERIVATIVES: [Field; 13] = [
+    Field::DtauYDy,
+    Field::DtauYDyd,
+    Field::DtauUDy,
+    Field::DtauUDyd,
+    Field::DtauUnactuatedDy,
+    Field::DtauUnactuatedDyd,
+    Field::DyddDy,
+    Field::DyddDyd,
+    Field::DyddDtauU,
+    Field::Gd,
+    Field::DqddDy,
+    Field::DgBiasDyd,
+    Field::DjacobianDy,
+];
+pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
+/// Derivatives of the actuators' forces.
+pub(super) const OF_ACTUATORS: [Field; 4] =
+    [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
 /// Forces, and the quantities in their rows.
 const FORCES: [Field; 6] =
     [Field::TauQ, Field::TauY, Field::TauU, Field::TauUnactuated, Field::CY, Field::MY];
@@ -149,7 +169,7 @@ fn roots<C>(
     let want = query.want;
     let all = || (0..model.clusters.len()).collect::<Vec<usize>>();
     let has_rows = want.iter().any(|field| field.has_joint_rows());
-    let frames = match (steps.links, steps.frames) {
+    let frames = match (steps.links || steps.derivatives, steps.frames) {
         (true, _) => (1..model.bodies.len()).collect(),
         (_, true) => supports(model, &posed_links(query)),
         _ => Vec::new(),
@@ -157,6 +177,7 @@ fn roots<C>(
     // figures of the robot, or nothing but the status
     let whole = want.has_any(&OF_THE_ROBOT)
         || steps.links
+        || steps.derivatives
         || !has_rows && !steps.frames
         || request == Request::ForwardDynamics && method == Method::Kkt;
     let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();
@@ -166,7 +187,11 @@ fn roots<C>(
     let rows = if has_rows { rows } else { Vec::new() };
 
     let forces = match request {
-        Request::InverseDynamics if want.has_any(&[Field::Lambda, Field::CondMy]) => all(),
+        Request::InverseDynamics
+            if steps.force_derivatives || want.has_any(&[Field::Lambda, Field::CondMy]) =>
+        {
+            all()
+        }
         Request::InverseDynamics if want.has_any(&FORCES) => rows.clone(),
         Request::InverseDynamics => Vec::new(),
         Request::ForwardDynamics if whole => all(),
@@ -179,7 +204,7 @@ fn roots<C>(
     let answered = if request == Request::Map { rows.clone() } else { forces.clone() };
     let is_actuated = [Some(steps.position), steps.velocity, steps.acceleration]
         .contains(&Some(Space::Actuation));
-    let needs_G = want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
+    let needs_G = steps.derivatives || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
     Roots {
         closed: if whole { all() } else { rows },
         forces,

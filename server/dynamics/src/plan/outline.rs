@@ -66,6 +66,7 @@ impl Plan {
             (steps.frames, "frames in the root"),
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
             (steps.links, "sums over the links"),
+            (steps.derivatives, "derivatives"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {

@@ -214,7 +214,12 @@ impl Plan {
             Request::ForwardDynamics => self.forward_dynamics(model, ws, input, report),
             Request::Map => self.map_forces(model, ws, input, report),
             _ => Ok(()),
+        }?;
+        // no packet has them
+        if self.steps.derivatives && !T::STRAIGHT {
+            self.differentiate(model, ws, input, report)?;
         }
+        Ok(())
     }
 
     /// True if some needed joint is, or starts, at an angle too large for a sine; dependents of

@@ -8,8 +8,16 @@ use crate::model::Method;
 use crate::plan::needed;
 
 // wanted fields by the quantity that they read
-const FRAMES: [Field; 7] =
-    [FramePose, FrameTwist, FrameAcc, JacobianTree, JacobianIndependent, JacobianActuator, JdYd];
+const FRAMES: [Field; 8] = [
+    FramePose,
+    FrameTwist,
+    FrameAcc,
+    JacobianTree,
+    JacobianIndependent,
+    JacobianActuator,
+    JdYd,
+    DjacobianDy,
+];
 const VELOCITIES: [Field; 8] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy];
 const ACCELERATIONS: [Field; 4] = [Qdd, Ydd, Udd, FrameAcc];
 const TREE_ACCELERATIONS: [Field; 3] = [Qdd, Udd, FrameAcc];
@@ -61,6 +69,9 @@ pub(super) struct Steps {
     pub(super) mass_matrix: bool,
     /// K or a quantity derived from it.
     pub(super) conditions: bool,
+    /// Derivatives, and those of them that need forces.
+    pub(super) derivatives: bool,
+    pub(super) force_derivatives: bool,
 }
 
 impl Steps {
@@ -75,8 +86,11 @@ impl Steps {
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
         let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
         let links = want.has_any(&needed::OF_THE_LINKS);
-        let reads_acceleration = want.has_any(&TREE_ACCELERATIONS);
-        let newton_euler = forward || dynamics && want.has_any(&FORCES);
+        let derivatives = want.has_any(&needed::DERIVATIVES);
+        let force_derivatives = want.has_any(&needed::OF_FORCES);
+        let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
+        let newton_euler =
+            forward || dynamics && (force_derivatives || want.has_any(&FORCES));
         let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
         Steps {
             position: Space::given(query, [Y, Q, U]).unwrap_or(Space::Independent),
@@ -86,12 +100,13 @@ impl Steps {
             rates: forward
                 || !rest
                 || conditions
+                || derivatives
                 || want.has_any(&VELOCITIES)
                 || want.has_any(&ACCELERATIONS)
                 || want.has_any(&BIASES),
             given_acceleration: !rest && !forward && (newton_euler || reads_acceleration),
             found_acceleration: reads_acceleration || want.has(Lambda),
-            poses: frames || links || dynamics && (newton_euler || mass_matrix || want.has(CY)),
+            poses: frames || links || derivatives || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
             frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
                 || is_seen && want.has_any(&[FrameAcc, JdYd]),
@@ -101,6 +116,8 @@ impl Steps {
             bias_at_rest: velocity.is_none(),
             mass_matrix,
             conditions,
+            derivatives,
+            force_derivatives,
         }
     }
 }
@@ -109,8 +126,10 @@ impl Steps {
 fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Level {
     let want = query.want;
     let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-    let reads_bias = dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
+    let derivatives = want.has_any(&needed::DERIVATIVES);
+    let reads_bias = derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics
+        || derivatives
         || request == Request::Map
         || moving && want.has_any(&VELOCITIES)
         || accelerated

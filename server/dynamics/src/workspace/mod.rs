@@ -3,11 +3,13 @@
 //! velocities in the order of the bodies. Each stage or field names the file that writes it.
 
 mod body;
+mod derivatives;
 mod probe;
 
 use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
+pub(crate) use derivatives::{Column, Derivatives, Moving, Seen, Supported};
 pub(crate) use probe::Probe;
 use probe::longest_input;
 
@@ -109,6 +111,8 @@ pub struct Workspace<T: Real> {
     pub(crate) closed: Vec<T>,
     /// Scratch to compute doubtful answers again, for scalars that support it.
     pub(crate) probe: Option<Box<Probe>>,
+    /// Where a plan needs them.
+    pub(crate) derivatives: Option<Box<Derivatives<T>>>,
     /// Requests have a small part of their budget: those of others wait meanwhile.
     in_turns: bool,
     needs: Needs,
@@ -125,6 +129,8 @@ pub(crate) struct Needs {
     pub(crate) dense: bool,
     /// The tree under its constraints.
     pub(crate) kkt: bool,
+    /// Derivatives.
+    pub(crate) derivatives: bool,
 }
 
 impl Needs {
@@ -134,6 +140,7 @@ impl Needs {
             mass_matrix: self.mass_matrix | other.mass_matrix,
             dense: self.dense | other.dense,
             kkt: self.kkt | other.kkt,
+            derivatives: self.derivatives | other.derivatives,
         }
     }
 }
@@ -142,7 +149,7 @@ impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        let needs = Needs { mass_matrix: true, dense: true, kkt: false };
+        let needs = Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
@@ -328,6 +335,9 @@ impl<T: Real> Workspace<T> {
             kkt_scale: of(kkt),
             closed: Vec::new(),
             probe: None,
+            derivatives: needs
+                .derivatives
+                .then(|| Box::new(Derivatives::new(model, massless))),
             in_turns: false,
             needs,
             fingerprint: model.fingerprint(),

@@ -158,6 +158,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::ComJacobian
         | Field::Centroidal
         | Field::JdYd => rows(out, slot.rows, slot.columns, numbers),
+        field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
 }

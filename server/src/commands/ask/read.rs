@@ -257,7 +257,10 @@ impl Reader<'_> {
                 .collect(),
         };
         let of_frames = |(output, _): &&(Output, usize)| {
-            matches!(output, Output::Frames | Output::Jacobians | Output::Field(Field::JdYd))
+            matches!(
+                output,
+                Output::Frames | Output::Jacobians | Output::Field(Field::JdYd | Field::DjacobianDy)
+            )
         };
         match outputs.iter().find(of_frames) {
             Some((output, offset)) if self.frames.is_none() => {

@@ -4,4 +4,5 @@
 pub(super) mod rates;
 pub(super) mod rows;
 pub(super) mod scaling;
+pub(super) mod second;
 mod so3_log;

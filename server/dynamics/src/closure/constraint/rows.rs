@@ -87,22 +87,22 @@ fn place_freely<T: Real>(body: &Body<T>, q: &[T], parent: &Pose<T>) -> Pose<T> {
 /// One cut at one pose: the quantities that all of its rows share.
 pub(in crate::closure) struct CutState<'a, T> {
     /// Orientation of the predecessor {cluster's parent body}.
-    R_p: &'a Matrix3<T>,
+    pub(super) R_p: &'a Matrix3<T>,
     /// Origin of S, the point whose velocities count on both sides, and p_S − p_P.
-    point: Vector3<T>,
+    pub(super) point: Vector3<T>,
     pub(in crate::closure) d: Vector3<T>,
     /// Where a row is angular.
-    angular: Option<Angular<T>>,
+    pub(super) angular: Option<Angular<T>>,
 }
 
 /// The quantities of a cut that only angular rows need.
-struct Angular<T> {
+pub(super) struct Angular<T> {
     /// Orientations of P and S {cluster's parent body}.
-    R_P: Matrix3<T>,
-    R_S: Matrix3<T>,
+    pub(super) R_P: Matrix3<T>,
+    pub(super) R_S: Matrix3<T>,
     /// θ and the matrix of θ̇ = A ω.
-    theta: Vector3<T>,
-    A: Matrix3<T>,
+    pub(super) theta: Vector3<T>,
+    pub(super) A: Matrix3<T>,
 }
 
 impl<'a, T: Real> CutState<'a, T> {
@@ -113,7 +113,7 @@ impl<'a, T: Real> CutState<'a, T> {
     }
 
     /// The same with ω for θ̇ where the cut allows it: the rows of K and k.
-    fn of_forces(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+    pub(super) fn of_forces(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
         CutState::with(cut, pose, if cut.on_line { Angular::at_zero } else { Angular::new })
     }
 

@@ -41,6 +41,22 @@ pub(in crate::closure) fn log_factors<T: Real>(theta: &Vector3<T>) -> (T, T) {
     (c, T::select_lt(square, near, series, dc))
 }
 
+/// The second derivative of c by θ², from c and its first one; with f = (θ/2) cot(θ/2) it follows
+/// from 2 θ² f′ = f − θ²/4 − f².
+pub(in crate::closure) fn second_factor<T: Real>(theta: &Vector3<T>, (c, dc): (T, T)) -> T {
+    let square = (*theta).dot(*theta);
+    let near = T::from_f64(T::EPSILON.sqrt().sqrt());
+    let s = T::select_lt(square, near, T::ONE, square);
+    let two = T::from_f64(2.0);
+    let f = T::ONE - s * c;
+    let df = -(s.mul_add(dc, c));
+    let ddf = -(df + T::from_f64(0.25) + two * f * df) / (two * s);
+    let series = [12.0 / 47_900_160.0, 6.0 / 1_209_600.0, 2.0 / 30_240.0]
+        .into_iter()
+        .fold(T::ZERO, |sum, x| sum.mul_add(square, T::from_f64(x)));
+    T::select_lt(square, near, series, -(two.mul_add(dc, ddf)) / s)
+}
+
 /// A = 1 − ½ [θ]× + c [θ]×², the matrix of θ̇ = A ω.
 pub(in crate::closure) fn rate_matrix<T: Real>(theta: &Vector3<T>, c: T) -> Matrix3<T> {
     let half = T::from_f64(0.5);
