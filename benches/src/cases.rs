@@ -38,12 +38,16 @@ pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     Ok(cases)
 }
 
-/// The cases that are counted only: the robot at rest.
-pub(crate) fn at_rest(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
+/// The cases that are counted only: the robot at rest, derivatives.
+pub(crate) fn counted(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
     for (k, variant) in robot.variants.iter().enumerate() {
         for &start in starts(robot, variant) {
-            cases.push(Case::new(robot, k, start, Question::Gravity)?);
+            for question in
+                [Question::Gravity, Question::InverseDerivatives, Question::ForwardDerivatives]
+            {
+                cases.push(Case::new(robot, k, start, question)?);
+            }
         }
     }
     Ok(cases)

@@ -40,7 +40,7 @@ pub fn run(count: &[String]) -> Outcome {
     let robot = Robot::load_some(what, STATES, |variant| variant == closures)?;
     let mut case = cases::of_robot(&robot)?
         .into_iter()
-        .chain(cases::at_rest(&robot)?)
+        .chain(cases::counted(&robot)?)
         .find(|case| case.name() == name)
         .ok_or_else(unknown)?;
     if is_batch {

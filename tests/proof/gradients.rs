@@ -1,14 +1,18 @@
 //! Fields of derivatives against duals over double-double along random directions, against each
 //! other, and against a published linkage in fifty digits.
 
-use sarrus_dynamics::scalar::{Dual, Real};
-use sarrus_dynamics::{Axes, Field, FieldSet, Model, PlanScalar, Query, Request};
+use sarrus_dynamics::description::{Inertial, SubmechanismKind};
+use sarrus_dynamics::scalar::{Dd, Dual, Real};
+use sarrus_dynamics::{
+    Axes, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, PlanScalar, Query, Request,
+    Warnings,
+};
 use sarrus_tests::cases::{Case, Ledger, State, robots};
-use sarrus_tests::compare::largest;
+use sarrus_tests::compare::{assert_close, error_by_size, largest};
 use sarrus_tests::dual::model;
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
-use sarrus_tests::small::{plus, product, times};
+use sarrus_tests::small::{matrix_product, plus, product, times};
 
 use crate::derivatives::moved;
 
@@ -94,7 +98,12 @@ fn slopes<S: PlanScalar>(x: &[Dual<S>]) -> Vec<S> {
 }
 
 /// Every derivative times a direction against the dual along it.
-fn compare_on<S: PlanScalar>(case: &Case, plain: &Model<S>, k: u64, ledger: &mut Ledger) {
+fn compare_on<S: PlanScalar>(
+    case: &Case,
+    plain: &Model<S>,
+    k: u64,
+    ledger: &mut Ledger,
+) {
     let mut at = asked(case, plain.clone(), k);
     let mut over_duals = asked(case, model(plain), k);
     let n = plain.sizes().n_vy;
@@ -180,4 +189,151 @@ fn derivatives_are_those_of_duals_over_double_double() {
             compare_on(case, &case.compiled.exact, 2 * k + case.seed % 2, ledger);
         }
     });
+}
+
+/// The derivatives of double keep their digits, or their answer warns; and they agree with M_y.
+#[test]
+fn derivatives_in_double_keep_twelve_digits_or_warn() {
+    Ledger::over(robots(), |case, ledger| {
+        let k = 3 - case.seed % 2;
+        let mut robots = (
+            asked(case, case.compiled.model.clone(), 0),
+            asked(case, case.compiled.exact.clone(), 0),
+        );
+        let (state, exact) = (case.state::<f64>(k), case.state::<Dd>(k));
+        let inverse = Request::InverseDynamics;
+        let tau = robots.0.ask(inverse, (&state, None), None, &[TauY]).get(TauY).to_vec();
+        let tau_exact: Vec<Dd> = tau.iter().map(|x| Dd::from(*x)).collect();
+        // the first field has the error that the others may have a hundred times
+        for (request, force, want) in [
+            (Request::Kinematics, false, [&[Qdd], &OF_STATE[..]].concat()),
+            (inverse, false, [&[TauY], &OF_FORCES[..]].concat()),
+            (Request::ForwardDynamics, true, [&[Ydd], &OF_ACCELERATIONS[..]].concat()),
+        ] {
+            let given = force.then_some((TauY, tau.as_slice()));
+            let x = robots.0.ask(request, (&state, None), given, &want);
+            let given = force.then_some((TauY, tau_exact.as_slice()));
+            let y = robots.1.ask(request, (&exact, None), given, &want);
+            if x.answer.warnings.contains(Warnings::ILL_CONDITIONED) {
+                continue;
+            }
+            let mut of_first = None;
+            for field in &want {
+                let b: Vec<f64> = y.get(*field).iter().map(|x| x.to_f64()).collect();
+                let error = error_by_size(x.get(*field), &b, 1e-3);
+                let first = *of_first.get_or_insert(error);
+                let allowed = f64::max(1e-12, 100.0 * first) + case.contradiction();
+                ledger.note(&format!("{} in double", field.name()), case, error, allowed);
+            }
+        }
+    });
+}
+
+/// M ∂ÿ/∂y = −∂τ_y/∂y and M ∂ÿ/∂ẏ = −∂τ_y/∂ẏ at fixed τ_y; M ∂ÿ/∂τ_u = G_uᵀ.
+#[test]
+fn derivatives_of_inverse_and_forward_dynamics_are_inverse_to_each_other() {
+    Ledger::over(robots(), |case, ledger| {
+        let mut at = asked(case, case.compiled.exact.clone(), 0);
+        let n = at.robot.model.sizes().n_vy;
+        let n_u = at.robot.model.sizes().n_u;
+        let mut state = case.state::<Dd>(1);
+        let inverse = Request::InverseDynamics;
+        let tau = at.ask(inverse, (&state, None), None, &[TauY]).get(TauY).to_vec();
+        let want = [&OF_ACCELERATIONS[..], &[Ydd]].concat();
+        let x = at.ask(Request::ForwardDynamics, (&state, None), Some((TauY, &tau)), &want);
+        state.ydd = x.get(Ydd).to_vec();
+        let y = at.ask(inverse, (&state, None), None, &[MY, GU, CondKd, CondMy, DtauYDy, DtauYDyd]);
+        let allowed =
+            1e4 * Dd::EPSILON * y.get(CondKd)[0].to_f64().powi(3) * y.get(CondMy)[0].to_f64()
+                + case.contradiction();
+        for (of_ydd, of_tau) in [(DyddDy, DtauYDy), (DyddDyd, DtauYDyd)] {
+            let back = matrix_product(y.get(MY), x.get(of_ydd), n, n);
+            let minus = times(-Dd::ONE, y.get(of_tau));
+            ledger.compare(of_ydd.name(), case, &back, &minus, 1.0, allowed);
+        }
+        let back = matrix_product(y.get(MY), x.get(DyddDtauU), n, n_u);
+        let transposed: Vec<Dd> =
+            (0..n * n_u).map(|at| y.get(GU)[at % n_u * n + at / n_u]).collect();
+        ledger.compare("dydd_dtau_u", case, &back, &transposed, 1.0, allowed);
+    });
+}
+
+/// The four-bar of bars 0.4, 1, 0.8 and 1.1 m, 2 kg/m, in fifty digits: θ, θ̇, θ̈, τ, ∂τ/∂θ,
+/// ∂τ/∂θ̇, M, ∂θ̈/∂θ at that τ, ∂θ̈/∂θ̇.
+#[test]
+#[allow(clippy::excessive_precision, reason = "the numbers stand as they were computed")]
+fn a_four_bar_has_the_derivatives_of_its_equation_of_motion() {
+    const KNOWN: [[f64; 9]; 3] = [
+        [
+            0.3,
+            0.7,
+            -1.2,
+            4.8163827112834853,
+            -1.5552627415796261,
+            -0.34013029286067029,
+            0.19934956517015062,
+            7.8016861499154229,
+            1.7062003248934065,
+        ],
+        [
+            1.0,
+            0.0,
+            0.0,
+            2.9794021987338977,
+            -5.7078964656165261,
+            0.0,
+            0.25982393047168609,
+            21.968324685314293,
+            0.0,
+        ],
+        [
+            -2.0,
+            -3.0,
+            4.0,
+            -0.038646923968454888,
+            9.9140531497955961,
+            -0.24274590928871531,
+            0.1611313857879021,
+            -61.527759482224679,
+            1.5065091639455192,
+        ],
+    ];
+    const ZERO: f64 = 1.0;
+    let (s, c) = ZERO.sin_cos();
+    let b = [0.4 * c, 0.4 * s, 0.0];
+    let d = [1.1, 0.0, 0.0];
+    // the pin above both ends
+    let (x, y) = (d[0] - b[0], d[1] - b[1]);
+    let square = x * x + y * y;
+    let along = (1.0 + square - 0.64) / (2.0 * square);
+    let across = (1.0 / square - along * along).sqrt();
+    let pin = [b[0] + along * x - across * y, b[1] + along * y + across * x, 0.0];
+    let rod = |from: [f64; 3], to: [f64; 3]| {
+        let along = [to[0] - from[0], to[1] - from[1], 0.0];
+        Inertial::rod(2.0 * along[0].hypot(along[1]), [0.0; 3], along)
+    };
+    for kind in [SubmechanismKind::FourBar, SubmechanismKind::Numerical] {
+        let z = [0.0, 0.0, 1.0];
+        let mut robot = DescriptionBuilder::new("four-bar");
+        robot.gravity([0.0, -9.81, 0.0]);
+        robot.submechanism("bars", kind);
+        let crank = robot.revolute("crank", LinkId::BASE, z).inertial(rod([0.0; 3], b)).link();
+        let coupler = robot.revolute("coupler", crank, z).at(b).inertial(rod(b, pin)).link();
+        let rocker = robot.revolute("rocker", LinkId::BASE, z).at(d).inertial(rod(d, pin)).link();
+        robot.cut("pin", coupler, rocker).at(pin).joint(CutJoint::PlanarRevolute { axis: z });
+        robot.independent([crank]);
+        let mut robot = Robot::new(robot.compile().unwrap().model);
+        for [y, yd, ydd, tau, by_y, by_yd, mass, ydd_by_y, ydd_by_yd] in KNOWN {
+            let given: [(Field, &[f64]); 3] = [(Y, &[y - ZERO]), (Yd, &[yd]), (Ydd, &[ydd])];
+            let want = [TauY, DtauYDy, DtauYDyd, MY];
+            let x = robot.ask(Request::InverseDynamics, &given, &want).ok();
+            let found = want.map(|field| x.get(field)[0]);
+            assert_close(&format!("ID at {y}"), &found, &[tau, by_y, by_yd, mass], 1.0, 1e-12);
+            let given: [(Field, &[f64]); 3] = [(Y, &[y - ZERO]), (Yd, &[yd]), (TauY, &[tau])];
+            let want = [Ydd, DyddDy, DyddDyd];
+            let x = robot.ask(Request::ForwardDynamics, &given, &want).ok();
+            let found = want.map(|field| x.get(field)[0]);
+            assert_close(&format!("FD at {y}"), &found, &[ydd, ydd_by_y, ydd_by_yd], 1.0, 1e-12);
+        }
+    }
 }

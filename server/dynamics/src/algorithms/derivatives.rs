@@ -34,7 +34,7 @@ pub(crate) fn moving_bodies<T: Real>(
     d.bodies[0].V = Spatial::zero();
     d.bodies[0].A = Spatial { a: T::Triple::zero(), l: -T::Triple::of(&model.gravity) };
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let (V_p, A_p) = (d.bodies[body.parent].V, d.bodies[body.parent].A);
+        let Moving { V: V_p, A: A_p, .. } = d.bodies[body.parent];
         let R: Columns<T> = T::Triple::columns_of(&world[i].R);
         let p = T::Triple::of(&world[i].p);
         let n = body.motion.n_v();
@@ -135,8 +135,7 @@ impl<T: Real> Moving<T> {
         force = force.plus(s.cross_force(self.force));
         let mut by_moving = T::Triple::zero();
         if pushed {
-            let follows =
-                Spatial { a: self.follows.apply(s.a), l: s.a.cross(self.external) };
+            let follows = Spatial { a: self.follows.apply(s.a), l: s.a.cross(self.external) };
             force = force.plus(follows);
             by_moving = self.follows.apply_transposed(s.a).add_cross(self.external, s.l);
         }
@@ -205,6 +204,9 @@ pub(crate) fn force_derivatives<T: Real>(
             of_joint(model, cluster, d);
         } else {
             of_cluster(model, cluster, G, d);
+            if cluster.parent != 0 {
+                join(cluster, G, d);
+            }
         }
         // the clusters that carry this one
         let [by_y, by_yd] = &mut d.tau_y;
@@ -247,7 +249,7 @@ fn see<T: Real>(model: &Model<T>, G: &[T], d: &mut Derivatives<T>) {
                     if body.parent == cluster.parent { Seen::none() } else { d.seen[parent + k] };
                 for (column, v) in columns.iter().zip(body.v - cluster.v..) {
                     let entry = cluster.g_offset + v * m + k;
-                    let (g, gd, h1, h2) = (G[entry], d.Gd[entry], d.H1[entry], d.H2[entry]);
+                    let [g, gd, h1, h2] = [G, &d.Gd, &d.H1, &d.H2].map(|x| x[entry]);
                     let Seen { moved, rate, second, by_rate } = column.of;
                     sum = Seen {
                         moved: sum.moved.add_scaled(moved, g),
@@ -303,7 +305,7 @@ fn own<'a, X, T>(terms: &'a [X], cluster: &Cluster<T>, v: impl Fn(&X) -> usize) 
     &terms[first..terms.partition_point(|term| v(term) < end)]
 }
 
-/// The block of joints that loops tie, and their columns joined by G.
+/// The block of joints that loops tie.
 fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut Derivatives<T>) {
     let m = cluster.n_vy;
     let n = model.sizes().n_vy;
@@ -311,12 +313,12 @@ fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut 
     let len = cluster.n_v * m;
     [&mut *X, &mut *Y, &mut *Z].into_iter().for_each(|x| x[..len].fill(T::ZERO));
     let block = cluster.block();
-    let (G, Gd) = (&G[block.clone()], &d.Gd[block.clone()]);
-    let (H1, H2) = (&d.H1[block.clone()], &d.H2[block]);
+    let [G, Gd, H1, H2] = [G, &d.Gd, &d.H1, &d.H2].map(|x| &x[block.clone()]);
     // row a += (r_q G + r_v H1 + M H2) of column b, and so on
     let mut add = |a: usize, b: usize, (r_q, r_v, M): (T, T, T)| {
         for k in 0..m {
-            let (to, from) = (a * m + k, b * m + k);
+            let to = a * m + k;
+            let from = b * m + k;
             X[to] = r_q.mul_add(G[from], r_v.mul_add(H1[from], M.mul_add(H2[from], X[to])));
             Y[to] = r_v.mul_add(G[from], M.mul_add(Gd[from] + H1[from], Y[to]));
             Z[to] = M.mul_add(G[from], Z[to]);
@@ -363,8 +365,11 @@ fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut 
             for v in 0..cluster.n_v {
                 let g = G[v * m + j];
                 let from = v * m + k;
-                sums = [g.mul_add(X[from], sums[0]), g.mul_add(Y[from], sums[1]),
-                    g.mul_add(Z[from], sums[2])];
+                sums = [
+                    g.mul_add(X[from], sums[0]),
+                    g.mul_add(Y[from], sums[1]),
+                    g.mul_add(Z[from], sums[2]),
+                ];
             }
             (d.tau_y[0][at], d.tau_y[1][at]) = (sums[0], sums[1]);
             if k <= j {
@@ -372,14 +377,19 @@ fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut 
             }
         }
     }
-    if cluster.parent == 0 {
-        return;
-    }
+}
+
+/// The columns of a cluster, joined by G.
+fn join<T: Real>(cluster: &Cluster<T>, G: &[T], d: &mut Derivatives<T>) {
+    let m = cluster.n_vy;
+    let block = cluster.block();
+    let [G, Gd, H1, H2] = [G, &d.Gd, &d.H1, &d.H2].map(|x| &x[block.clone()]);
+    let columns = &d.columns[cluster.velocities()];
     for (k, joined) in d.joined[..m].iter_mut().enumerate() {
         let mut sum = Supported::none();
         for (v, Column { supported: of, .. }) in columns.iter().enumerate() {
             let entry = v * m + k;
-            let (g, h1, h2) = (G[entry], H1[entry], H2[entry]);
+            let [g, h1, h2] = [G, H1, H2].map(|x| x[entry]);
             let both = Gd[entry] + h1;
             sum = Supported {
                 momentum: sum.momentum.add_scaled(of.momentum, g),

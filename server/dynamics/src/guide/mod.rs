@@ -2,6 +2,9 @@
 
 pub mod closures;
 
+#[doc = include_str!("derivatives.md")]
+pub mod derivatives {}
+
 #[doc = include_str!("notation.md")]
 pub mod notation {}
 

@@ -201,7 +201,8 @@ impl Plan {
         out: &mut [T],
     ) {
         let n = model.sizes().n_vy;
-        let (mut moved, mut against) = (core::mem::take(&mut d.frame), core::mem::take(&mut d.reference));
+        let mut moved = core::mem::take(&mut d.frame);
+        let mut against = core::mem::take(&mut d.reference);
         displaced(model, &ws.G, d, frame.body, &mut moved);
         let link = self.query().reference().map(|link| &model.frames[link]);
         displaced(model, &ws.G, d, link.map_or(0, |link| link.body), &mut against);
@@ -227,7 +228,7 @@ impl Plan {
             let turn = axes_of[k][0].a;
             let w = change.a - turn.cross(V.a);
             let v = change.at(point).add_cross(V.a, shift) - turn.cross(V.at(point));
-            let (w, v) = (R.apply_transposed(w), R.apply_transposed(v));
+            let [w, v] = [w, v].map(|x| R.apply_transposed(x));
             for row in 0..3 {
                 out[row * n + external] = w[row];
                 out[(row + 3) * n + external] = v[row];
@@ -289,11 +290,7 @@ fn blocks<T: Real>(
 }
 
 /// ∂ÿ/∂y = M_y⁻¹ (held − ∂τ_y/∂y), ∂ÿ/∂ẏ = −M_y⁻¹ ∂τ_y/∂ẏ, ∂ÿ/∂τ_u = M_y⁻¹ G_uᵀ.
-fn accelerations<T: Real>(
-    model: &Model<T>,
-    G: &[T],
-    d: &mut Derivatives<T>,
-) -> Result<(), Status> {
+fn accelerations<T: Real>(model: &Model<T>, G: &[T], d: &mut Derivatives<T>) -> Result<(), Status> {
     let n = model.sizes().n_vy;
     if !factorise_tree(&model.sparsity, &mut d.M_y) {
         return Err(Status::MassNotPositive);
@@ -376,8 +373,8 @@ fn actuators<T: Real>(
                 }
                 for (r, &(u, v)) in cluster.active.iter().enumerate() {
                     let bent = local.filter(|_| is_bent).map_or(T::ZERO, |k| E[r * m + k]);
-                    let tau = (P[r * m..].iter().zip(&*x))
-                        .fold(bent, |sum, (P, x)| P.mul_add(*x, sum));
+                    let tau =
+                        (P[r * m..].iter().zip(&*x)).fold(bent, |sum, (P, x)| P.mul_add(*x, sum));
                     d.tau_u[order][k * n_u + u] = tau;
                     if own < m {
                         let row = rest.iter_mut().zip(G.row(v));
@@ -404,7 +401,8 @@ fn projection<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<()
         }
         return if invert(A, P, m) { Ok(()) } else { Err(Status::SingularActuation) };
     }
-    let (side, other) = (m.min(own), m.max(own));
+    let side = m.min(own);
+    let other = m.max(own);
     for i in 0..side {
         for j in 0..side {
             A[i * side + j] = (0..other).fold(T::ZERO, |sum, k| {
@@ -473,9 +471,11 @@ fn bend<T: Real>(
                 N.iter().enumerate().fold(T::ZERO, |sum, (s, x)| x.mul_add(H(s, k), sum))
             } else {
                 (0..m).fold(H(r, k), |sum, i| {
-                    let back = cluster.active.iter().enumerate().fold(T::ZERO, |sum, (s, (_, v))| {
-                        G[v * m + i].mul_add(H(s, k), sum)
-                    });
+                    let back = cluster
+                        .active
+                        .iter()
+                        .enumerate()
+                        .fold(T::ZERO, |sum, (s, (_, v))| G[v * m + i].mul_add(H(s, k), sum));
                     (-P[r * m + i]).mul_add(back, sum)
                 })
             };

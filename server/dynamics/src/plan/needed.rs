@@ -204,7 +204,8 @@ fn roots<C>(
     let answered = if request == Request::Map { rows.clone() } else { forces.clone() };
     let is_actuated = [Some(steps.position), steps.velocity, steps.acceleration]
         .contains(&Some(Space::Actuation));
-    let needs_G = steps.derivatives || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
+    let needs_G = steps.derivatives
+        || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
     Roots {
         closed: if whole { all() } else { rows },
         forces,

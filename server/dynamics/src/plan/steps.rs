@@ -89,8 +89,7 @@ impl Steps {
         let derivatives = want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
-        let newton_euler =
-            forward || dynamics && (force_derivatives || want.has_any(&FORCES));
+        let newton_euler = forward || dynamics && (force_derivatives || want.has_any(&FORCES));
         let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
         Steps {
             position: Space::given(query, [Y, Q, U]).unwrap_or(Space::Independent),
@@ -106,7 +105,10 @@ impl Steps {
                 || want.has_any(&BIASES),
             given_acceleration: !rest && !forward && (newton_euler || reads_acceleration),
             found_acceleration: reads_acceleration || want.has(Lambda),
-            poses: frames || links || derivatives || dynamics && (newton_euler || mass_matrix || want.has(CY)),
+            poses: frames
+                || links
+                || derivatives
+                || dynamics && (newton_euler || mass_matrix || want.has(CY)),
             frames,
             frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
                 || is_seen && want.has_any(&[FrameAcc, JdYd]),
@@ -127,7 +129,8 @@ fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Le
     let want = query.want;
     let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
     let derivatives = want.has_any(&needed::DERIVATIVES);
-    let reads_bias = derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
+    let reads_bias =
+        derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics
         || derivatives
         || request == Request::Map

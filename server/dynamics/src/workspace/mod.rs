@@ -335,9 +335,7 @@ impl<T: Real> Workspace<T> {
             kkt_scale: of(kkt),
             closed: Vec::new(),
             probe: None,
-            derivatives: needs
-                .derivatives
-                .then(|| Box::new(Derivatives::new(model, massless))),
+            derivatives: needs.derivatives.then(|| Box::new(Derivatives::new(model, massless))),
             in_turns: false,
             needs,
             fingerprint: model.fingerprint(),

@@ -26,6 +26,10 @@ pub enum Question {
     ForwardDynamics,
     /// Forward dynamics by this method.
     Forced(Method),
+    /// Inverse dynamics with ∂τ_u/∂y and ∂τ_u/∂ẏ.
+    InverseDerivatives,
+    /// Forward dynamics with ∂ÿ/∂y, ∂ÿ/∂ẏ and ∂ÿ/∂τ_u.
+    ForwardDerivatives,
 }
 
 impl Question {
@@ -49,6 +53,8 @@ impl Question {
             Question::Forced(Method::Recursion) => "FD-recursion",
             Question::Forced(Method::Projection) => "FD-projection",
             Question::Forced(Method::Kkt) => "FD-kkt",
+            Question::InverseDerivatives => "dID",
+            Question::ForwardDerivatives => "dFD",
         }
     }
 
@@ -66,6 +72,12 @@ impl Question {
             Question::Gravity => (Request::InverseDynamics, &[Y], &[TauU]),
             Question::ForwardDynamics | Question::Forced(_) => {
                 (Request::ForwardDynamics, &[Y, Yd, TauU], &[Ydd])
+            }
+            Question::InverseDerivatives => {
+                (Request::InverseDynamics, &[Y, Yd, Ydd], &[TauU, DtauUDy, DtauUDyd])
+            }
+            Question::ForwardDerivatives => {
+                (Request::ForwardDynamics, &[Y, Yd, TauU], &[Ydd, DyddDy, DyddDyd, DyddDtauU])
             }
         };
         Query::new(request, FieldSet::of(given), FieldSet::of(want))

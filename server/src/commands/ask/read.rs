@@ -256,13 +256,7 @@ impl Reader<'_> {
                 .map(|field| (Output::Field(field), root.offset))
                 .collect(),
         };
-        let of_frames = |(output, _): &&(Output, usize)| {
-            matches!(
-                output,
-                Output::Frames | Output::Jacobians | Output::Field(Field::JdYd | Field::DjacobianDy)
-            )
-        };
-        match outputs.iter().find(of_frames) {
+        match outputs.iter().find(|(output, _)| is_of_frames(*output)) {
             Some((output, offset)) if self.frames.is_none() => {
                 let words = format!(
                     "`{}` is wanted of no link, expected \"frames\": [\"link\"] beside it",
@@ -334,6 +328,12 @@ fn named_request(value: Value<'_>) -> Result<Request, Problem> {
     found.ok_or_else(|| {
         value.fault(format!("{} is no request, expected {}", shown(&name), requests()))
     })
+}
+
+/// True for a member of an answer that needs links.
+fn is_of_frames(output: Output) -> bool {
+    use Field::{DjacobianDy, JdYd};
+    matches!(output, Output::Frames | Output::Jacobians | Output::Field(JdYd | DjacobianDy))
 }
 
 /// The names of all requests.

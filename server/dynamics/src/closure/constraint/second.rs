@@ -212,51 +212,10 @@ impl<T: Real> Second<T> {
         }
         self.displace(cluster, G);
         self.load[..cluster.n_v].fill(Spatial::zero());
-        let mut r = 0;
+        let mut first = 0;
         for cut in &cluster.cuts {
-            let state = CutState::of_forces(cut, &self.pose);
-            // the straight rows together, the bent ones one by one
-            let mut force = zero();
-            let mut moment = zero();
-            let none = [Spatial::zero(); 2];
-            let mut whole = Spatial::zero();
-            for row in &cut.rows {
-                r += 1;
-                let Some(i) = cluster.used.iter().position(|used| *used == r - 1) else { continue };
-                let lambda = self.lambda[i];
-                if !row.terms.is_empty() {
-                    continue;
-                }
-                if is_bent(cut, row) {
-                    let [w, ..] = wrench(cut, row, &state, &none, &none);
-                    whole = whole.add_scaled(w, lambda);
-                    for j in 0..m {
-                        let at = |body: usize| [self.moved[body * m + j], Spatial::zero()];
-                        let (p, s) = (at(cut.predecessor), at(cut.successor));
-                        let [_, turned, _] = wrench(cut, row, &state, &p, &s);
-                        self.meet(cut, turned, lambda, j, m, W);
-                    }
-                } else {
-                    force = force.add_scaled(state.R_p.apply(row.linear_p), lambda);
-                    if let Some(of) = &state.angular {
-                        moment = moment.add_scaled(of.R_P.apply(row.angular), lambda);
-                    }
-                }
-            }
-            let force = T::Triple::of(&force);
-            let moment = T::Triple::of(&moment);
-            let point = T::Triple::of(&state.point);
-            let straight = |p: &[Spatial<T>; 2], s: &[Spatial<T>; 2]| {
-                let turned = turning(moment, p);
-                with_linear(turning(force, p), passing(point, s), turned)
-            };
-            let [w, ..] = straight(&none, &none);
-            whole = whole.plus(w);
-            for j in 0..m {
-                let at = |body: usize| [self.moved[body * m + j], Spatial::zero()];
-                let [_, turned, _] = straight(&at(cut.predecessor), &at(cut.successor));
-                self.meet(cut, turned, T::ONE, j, m, W);
-            }
+            let whole = self.of_cut(cut, &cluster.used, first, m, W);
+            first += cut.rows.len();
             for &(j, on_successor) in &cut.path {
                 let sign = if on_successor { T::ONE } else { -T::ONE };
                 self.load[j] = self.load[j].add_scaled(whole, sign);
@@ -274,6 +233,60 @@ impl<T: Real> Second<T> {
                 }
             }
         }
+    }
+
+    /// The wrench of a cut with the local rows from `first` on; adds its own turns to W.
+    fn of_cut(
+        &self,
+        cut: &Cut<T>,
+        used: &[usize],
+        first: usize,
+        m: usize,
+        W: &mut [T],
+    ) -> Spatial<T> {
+        let state = CutState::of_forces(cut, &self.pose);
+        let none = [Spatial::zero(); 2];
+        let displaced = |j: usize| {
+            [cut.predecessor, cut.successor].map(|body| [self.moved[body * m + j], Spatial::zero()])
+        };
+        // the straight rows together, the bent ones one by one
+        let mut force = zero();
+        let mut moment = zero();
+        let mut whole = Spatial::zero();
+        for (r, row) in (first..).zip(&cut.rows) {
+            let Some(i) = used.iter().position(|used| *used == r) else { continue };
+            let lambda = self.lambda[i];
+            if !row.terms.is_empty() {
+                continue;
+            }
+            if is_bent(cut, row) {
+                let [w, ..] = wrench(cut, row, &state, &none, &none);
+                whole = whole.add_scaled(w, lambda);
+                for j in 0..m {
+                    let [p, s] = displaced(j);
+                    let [_, turned, _] = wrench(cut, row, &state, &p, &s);
+                    self.meet(cut, turned, lambda, j, m, W);
+                }
+            } else {
+                force = force.add_scaled(state.R_p.apply(row.linear_p), lambda);
+                if let Some(of) = &state.angular {
+                    moment = moment.add_scaled(of.R_P.apply(row.angular), lambda);
+                }
+            }
+        }
+        let force = T::Triple::of(&force);
+        let moment = T::Triple::of(&moment);
+        let point = T::Triple::of(&state.point);
+        let straight = |p: &[Spatial<T>; 2], s: &[Spatial<T>; 2]| {
+            with_linear(turning(force, p), passing(point, s), turning(moment, p))
+        };
+        for j in 0..m {
+            let [p, s] = displaced(j);
+            let [_, turned, _] = straight(&p, &s);
+            self.meet(cut, turned, T::ONE, j, m, W);
+        }
+        let [w, ..] = straight(&none, &none);
+        whole.plus(w)
     }
 
     /// Displacement of each body by each independent.
@@ -328,9 +341,7 @@ fn wrench<T: Real>(
             let a = turning(T::Triple::of(&of.R_P.apply(row.angular)), p);
             return product::<T>(b, a).map(|a| Spatial { a, l: T::Triple::zero() });
         }
-        (Some(of), None) if cut.on_line => {
-            turning(T::Triple::of(&of.R_P.apply(row.angular)), p)
-        }
+        (Some(of), None) if cut.on_line => turning(T::Triple::of(&of.R_P.apply(row.angular)), p),
         (Some(of), None) => of_log(of, &row.angular, p, s),
     };
     let linear = turning(T::Triple::of(&state.R_p.apply(row.linear_p)), p);
@@ -390,22 +401,18 @@ fn of_log<T: Real>(
     let cd = dc * two * x.dot(xd);
     let xw = x.cross(w);
     let turned = xd.cross(xw) + x.cross(xd.cross(w));
-    let xdd = of.A.apply(wd)
-        + xd.cross(w) * -half
-        + (turned * c).add_scaled(x.cross(xw), cd);
+    let xdd = of.A.apply(wd) + xd.cross(w) * -half + (turned * c).add_scaled(x.cross(xw), cd);
     let rate = two * x.dot(xd);
-    let cdd = second_factor(&x, factors)
-        .mul_add(rate * rate, dc * two * (xd.dot(xd) + x.dot(xdd)));
+    let cdd = second_factor(&x, factors).mul_add(rate * rate, dc * two * (xd.dot(xd) + x.dot(xdd)));
     // a + ½ θ × a + c θ × (θ × a)
-    let (e, ed, edd) = (x.cross(*a), xd.cross(*a), xdd.cross(*a));
-    let (f, fd) = (x.cross(e), xd.cross(e) + x.cross(ed));
+    let [e, ed, edd] = [x, xd, xdd].map(|x| x.cross(*a));
+    let f = x.cross(e);
+    let fd = xd.cross(e) + x.cross(ed);
     let fdd = xdd.cross(e) + xd.cross(ed) * two + x.cross(edd);
     let axis = a.add_scaled(e, half).add_scaled(f, c);
     let first = (ed * half).add_scaled(f, cd).add_scaled(fd, c);
-    let second =
-        (edd * half).add_scaled(f, cdd).add_scaled(fd, two * cd).add_scaled(fdd, c);
-    let [axis, first, second] =
-        [axis, first, second].map(|x| T::Triple::of(&of.R_P.apply(x)));
+    let second = (edd * half).add_scaled(f, cdd).add_scaled(fd, two * cd).add_scaled(fdd, c);
+    let [axis, first, second] = [axis, first, second].map(|x| T::Triple::of(&of.R_P.apply(x)));
     let [x, xd, xdd] = turning(axis, p);
     [x, xd + first, xdd + second + (p[0].a.cross(first) + p[0].a.cross(first))]
 }
