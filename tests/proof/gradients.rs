@@ -98,12 +98,7 @@ fn slopes<S: PlanScalar>(x: &[Dual<S>]) -> Vec<S> {
 }
 
 /// Every derivative times a direction against the dual along it.
-fn compare_on<S: PlanScalar>(
-    case: &Case,
-    plain: &Model<S>,
-    k: u64,
-    ledger: &mut Ledger,
-) {
+fn compare_on<S: PlanScalar>(case: &Case, plain: &Model<S>, k: u64, ledger: &mut Ledger) {
     let mut at = asked(case, plain.clone(), k);
     let mut over_duals = asked(case, model(plain), k);
     let n = plain.sizes().n_vy;

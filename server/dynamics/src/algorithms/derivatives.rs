@@ -106,7 +106,7 @@ impl<T: Real> Moving<T> {
         }
     }
 
-    /// Adds what a child carries.
+    /// Adds the composite of a child.
     #[inline(always)]
     fn carry(&mut self, child: &Moving<T>, pushed: bool) {
         self.inertia.add(&child.inertia);
@@ -125,7 +125,7 @@ impl<T: Real> Moving<T> {
         Spatial { a: self.turning.apply(w), l: w.cross(self.momentum + self.momentum) }
     }
 
-    /// What a column makes of the composite.
+    /// The composite along a column.
     #[inline(always)]
     fn supported(&self, of: &Seen<T>, pushed: bool) -> Supported<T> {
         let s = of.moved;

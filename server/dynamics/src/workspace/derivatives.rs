@@ -77,8 +77,8 @@ pub(crate) struct Seen<T: Real> {
     pub(crate) by_rate: Spatial<T>,
 }
 
-/// What a velocity makes of the composite that it carries: momentum, forces that turn with rates
-/// and with displacements, and the change of the force by the coordinate and by its rate.
+/// The composite that a velocity carries, along it: momentum, forces that turn with rates and with
+/// displacements, and the change of the force by the coordinate and by its rate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Supported<T: Real> {
     pub(crate) momentum: Spatial<T>,
