@@ -40,7 +40,7 @@ fn overview(cases: &[Case<'_>], errors: &[Errors], samples: &[Samples]) -> Table
             Question::State => 3,
             Question::InverseDynamics => 4,
             Question::ForwardDynamics => 5,
-            Question::Gravity | Question::Forced(_) => continue,
+            _ => continue,
         };
         if let Some(row) = rows.last_mut() {
             row[column] = format!("{} ({})", ns(samples.median()), error(errors.worst));

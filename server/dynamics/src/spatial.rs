@@ -190,8 +190,13 @@ impl<T: Real> Spatial<T> {
     /// Power of a force along a motion.
     #[inline(always)]
     pub(crate) fn dot(self, f: Spatial<T>) -> T {
-        let sum = self.l.mul_add(f.l, self.a.times(f.a));
-        sum[0] + sum[1] + sum[2]
+        total(self.along(f, T::Triple::zero()))
+    }
+
+    /// The products of the power, added to others.
+    #[inline(always)]
+    pub(crate) fn along(self, f: Spatial<T>, others: T::Triple) -> T::Triple {
+        self.l.mul_add(f.l, self.a.mul_add(f.a, others))
     }
 
     /// Velocity of the point that moves with the body.
@@ -199,6 +204,12 @@ impl<T: Real> Spatial<T> {
     pub(crate) fn at(self, point: T::Triple) -> T::Triple {
         self.l.add_cross(self.a, point)
     }
+}
+
+/// x + y + z.
+#[inline(always)]
+pub(crate) fn total<T: Real, V: Triple<T>>(x: V) -> T {
+    x[0] + x[1] + x[2]
 }
 
 /// The zero vector.

@@ -21,7 +21,7 @@
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
 use crate::scalar::{Real, Symmetric, Triple};
-use crate::spatial::{Columns, Matrix, Pose, Spatial};
+use crate::spatial::{Columns, Matrix, Pose, Spatial, total};
 use crate::workspace::{BodyState, Column, Composite, Derivatives, Moving, Seen, Supported};
 
 /// Motions of all bodies, their columns, and the forces on them, from the poses in the root.
@@ -166,14 +166,14 @@ impl<T: Real> Supported<T> {
     /// The force on this column by a displacement of, or above, the body that it moves.
     #[inline(always)]
     fn by(&self, above: &Seen<T>) -> T {
-        let of_motion = self.momentum.dot(above.second) + self.by_turning.dot(above.rate.a);
-        of_motion + self.by_moving.dot(above.moved.a)
+        let sum = self.by_moving.mul_add(above.moved.a, self.by_turning.times(above.rate.a));
+        total(self.momentum.along(above.second, sum))
     }
 
     /// The same by the rate.
     #[inline(always)]
     fn by_rate_of(&self, above: &Seen<T>) -> T {
-        self.momentum.dot(above.by_rate) + self.by_turning.dot(above.moved.a)
+        total(self.momentum.along(above.by_rate, self.by_turning.times(above.moved.a)))
     }
 }
 

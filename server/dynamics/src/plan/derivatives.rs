@@ -8,7 +8,6 @@ use crate::mechanism::{Cluster, Frame};
 use crate::model::{Direct, Model, Scope};
 use crate::plan::Plan;
 use crate::plan::needed::OF_ACTUATORS;
-use crate::plan::run::RunReport;
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Columns, Matrix, Spatial};
 use crate::workspace::{Derivatives, Workspace};
@@ -21,12 +20,9 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         input: &[T],
-        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         // a workspace without them does not serve this plan
         let Some(mut d) = ws.derivatives.take() else { return Err(Status::WrongSize) };
-        // near a singular pose they lose as much more as g does against G
-        report.doubt.times(report.doubt.factor.cbrt());
         let done = self.derivatives(model, ws, input, &mut d);
         ws.derivatives = Some(d);
         done
@@ -40,14 +36,19 @@ impl Plan {
         d: &mut Derivatives<T>,
     ) -> Result<(), Status> {
         let forward = self.request == Request::ForwardDynamics;
-        let holds = forward || self.wants_any(&OF_ACTUATORS);
+        // the held forces apart only where ∂τ_y is wanted beside them
+        let of_actuators = self.wants_any(&OF_ACTUATORS);
+        let apart = of_actuators && self.wants(Field::DtauYDy);
         if self.steps.force_derivatives {
             self.forces_of_motion(model, ws, input, forward, d);
+            if (forward || of_actuators) && !apart {
+                d.tau_q.iter_mut().zip(&d.held_q).for_each(|(x, held)| *x -= *held);
+            }
         }
         for &c in &model.closed_clusters {
             let closure = &model.closures[c];
             if !closure.is_linear() {
-                self.close_derivatives(model, &model.clusters[c], ws, holds, d)?;
+                self.close_derivatives(model, &model.clusters[c], ws, apart, d)?;
             }
         }
         if !self.steps.force_derivatives && !self.wants(Field::DjacobianDy) {
@@ -78,15 +79,18 @@ impl Plan {
             }
         }
         if forward {
-            accelerations(model, &ws.G, d)
-        } else if holds {
-            actuators(model, &self.needed.scope, ws, d)
-        } else {
-            Ok(())
+            return accelerations(model, &ws.G, d);
         }
+        if !of_actuators {
+            return Ok(());
+        }
+        if !apart {
+            d.held.fill(T::ZERO);
+        }
+        actuators(model, &self.needed.scope, ws, d)
     }
 
-    /// Forces of the motion on the tree, and those that are held.
+    /// Forces of the motion on the tree, and those that the request or the actuators hold.
     fn forces_of_motion<T: Real>(
         &self,
         model: &Model<T>,
@@ -115,7 +119,7 @@ impl Plan {
         model: &Model<T>,
         cluster: &Cluster<T>,
         ws: &Workspace<T>,
-        holds: bool,
+        apart: bool,
         d: &mut Derivatives<T>,
     ) -> Result<(), Status> {
         let bodies = model.bodies_of(cluster);
@@ -139,7 +143,7 @@ impl Plan {
                 }
             };
             curve(&d.tau_q, &mut d.W);
-            if holds {
+            if apart {
                 curve(&d.held_q, &mut d.held);
             }
         }
@@ -289,20 +293,13 @@ fn blocks<T: Real>(
     }
 }
 
-/// ∂ÿ/∂y = M_y⁻¹ (held − ∂τ_y/∂y), ∂ÿ/∂ẏ = −M_y⁻¹ ∂τ_y/∂ẏ, ∂ÿ/∂τ_u = M_y⁻¹ G_uᵀ.
+/// ∂ÿ/∂y = −M_y⁻¹ (∂τ_y/∂y − held), ∂ÿ/∂ẏ = −M_y⁻¹ ∂τ_y/∂ẏ, ∂ÿ/∂τ_u = M_y⁻¹ G_uᵀ.
 fn accelerations<T: Real>(model: &Model<T>, G: &[T], d: &mut Derivatives<T>) -> Result<(), Status> {
     let n = model.sizes().n_vy;
     if !factorise_tree(&model.sparsity, &mut d.M_y) {
         return Err(Status::MassNotPositive);
     }
     d.tau_y.iter_mut().flatten().for_each(|x| *x = -*x);
-    for cluster in nonlinear(model) {
-        for k in cluster.independents() {
-            let held = &d.held[k * d.widest..][..cluster.n_vy];
-            let row = &mut d.tau_y[0][k * n..][cluster.independents()];
-            row.iter_mut().zip(held).for_each(|(x, held)| *x += *held);
-        }
-    }
     d.ydd_of_tau_u.fill(T::ZERO);
     for cluster in &model.clusters {
         for &(u, j) in &cluster.active {

@@ -199,6 +199,10 @@ impl Plan {
         ws.scratch.left = ws.budget(self.searches());
         self.set_state(model, ws, input)?;
         self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
+        if self.steps.derivatives {
+            // near a singular pose they lose as much more as g does against G
+            report.doubt.times(report.doubt.factor.cbrt());
+        }
         if self.steps.poses {
             turn(&self.needed.scope.free, &ws.q, &mut ws.cos_sin);
             algorithms::joint_poses(
@@ -217,7 +221,7 @@ impl Plan {
         }?;
         // no packet has them
         if self.steps.derivatives && !T::STRAIGHT {
-            self.differentiate(model, ws, input, report)?;
+            self.differentiate(model, ws, input)?;
         }
         Ok(())
     }

@@ -17,7 +17,7 @@ use crate::closure::constraint::so3_log::{log_factors, second_factor};
 use crate::linalg::invert;
 use crate::mechanism::{Body, Cluster, Cut, CutRow};
 use crate::scalar::{Real, Triple};
-use crate::spatial::{Matrix, Pose, Spatial, zero};
+use crate::spatial::{Matrix, Pose, Spatial, total, zero};
 
 /// A vector and its first and second time derivative.
 type Rates<T> = [<T as Real>::Triple; 3];
@@ -114,6 +114,7 @@ impl<T: Real> Second<T> {
         let n_v = cluster.n_v;
         let [K, K_dot, K_ddot] = &mut self.K;
         K[..cluster.used.len() * n_v].fill(T::ZERO);
+        let none = T::Triple::zero();
         let mut r = 0;
         for cut in &cluster.cuts {
             let state = CutState::of_forces(cut, &self.pose);
@@ -136,10 +137,11 @@ impl<T: Real> Second<T> {
                     let at = i * n_v + j;
                     let [s, sd, sdd] = self.s[j];
                     let sign = if on_successor { T::ONE } else { -T::ONE };
-                    let two = T::from_f64(2.0);
                     K[at] = sign * w.dot(s);
-                    K_dot[at] = sign * (wd.dot(s) + w.dot(sd));
-                    K_ddot[at] = sign * (wdd.dot(s) + two.mul_add(wd.dot(sd), w.dot(sdd)));
+                    K_dot[at] = sign * total(wd.along(s, w.along(sd, none)));
+                    let twice = wd.plus(wd);
+                    let second = wdd.along(s, twice.along(sd, w.along(sdd, none)));
+                    K_ddot[at] = sign * total(second);
                 }
             }
         }
