@@ -24,15 +24,14 @@ const OF_FORCES: [Field; 6] =
 const OF_ACCELERATIONS: [Field; 3] = [DyddDy, DyddDyd, DyddDtauU];
 
 /// One state with random wrenches, its motion over any scalar, and a way to ask at it.
-struct Asked<'a, S: PlanScalar> {
-    case: &'a Case,
+struct Asked<S: PlanScalar> {
     robot: Robot<S>,
     links: Vec<u16>,
     axes: (Axes, Option<u16>),
     wrenches: Vec<f64>,
 }
 
-impl<S: PlanScalar> Asked<'_, S> {
+impl<S: PlanScalar> Asked<S> {
     fn ask(
         &mut self,
         request: Request,
@@ -61,7 +60,7 @@ impl<S: PlanScalar> Asked<'_, S> {
     }
 }
 
-fn asked<S: PlanScalar>(case: &Case, model: Model<S>, k: u64) -> Asked<'_, S> {
+fn asked<S: PlanScalar>(case: &Case, model: Model<S>, k: u64) -> Asked<S> {
     let mut seeded = Seeded::new(case.seed ^ 0xd1ff);
     let count = model.link_names().len();
     let of = |part: usize| (count * part / 4).min(count - 1) as u16;
@@ -75,7 +74,7 @@ fn asked<S: PlanScalar>(case: &Case, model: Model<S>, k: u64) -> Asked<'_, S> {
         2 => (Axes::Local, Some(of(3))),
         _ => (Axes::World, Some(of(3))),
     };
-    Asked { case, robot: Robot::new(model), links, axes, wrenches }
+    Asked { robot: Robot::new(model), links, axes, wrenches }
 }
 
 /// The state, displaced by a direction of y and one of ẏ.

@@ -1,9 +1,9 @@
 //! First derivatives of inverse dynamics over clusters, in O(n d) [SRW22, in root axes; the columns
 //! of a cluster are joined by its G, as in constraint embedding].
 //!
-//! A unit of y_j displaces the bodies that it carries by D; seen from a displaced body, velocity and
-//! acceleration change by Ḋ and D̈ + Ḋ × V, which below the cluster are the same for all bodies at
-//! the root's origin. With one tree joint, D = s and
+//! A unit of y_j displaces the bodies that it carries by D; seen from a displaced body, velocity
+//! and acceleration change by Ḋ and D̈ + Ḋ × V, where D, Ḋ and D̈ at the root's origin are the
+//! same for all bodies below the cluster. With one tree joint, D = s and
 //!
 //! ```text
 //!   Ḋ = V_p × s    D̈ = A_p × s + V_p × Ḋ    Υ = V × s + Ḋ       A_0 = −gravity

@@ -207,7 +207,7 @@ pub(crate) fn invert<T: Real>(A: &mut [T], X: &mut [T], m: usize) -> bool {
             }
         }
         let pivot = A[k * m + k];
-        if !(T::ZERO < pivot.abs()) {
+        if !T::ZERO.lt(pivot.abs()) {
             return false;
         }
         let inverse = T::ONE / pivot;
@@ -223,8 +223,8 @@ pub(crate) fn invert<T: Real>(A: &mut [T], X: &mut [T], m: usize) -> bool {
                 X[i * m + j] = l.mul_add(X[k * m + j], X[i * m + j]);
             }
         }
-        X[k * m..(k + 1) * m].iter_mut().for_each(|x| *x = *x * inverse);
-        A[k * m + k + 1..(k + 1) * m].iter_mut().for_each(|x| *x = *x * inverse);
+        X[k * m..(k + 1) * m].iter_mut().for_each(|x| *x *= inverse);
+        A[k * m + k + 1..(k + 1) * m].iter_mut().for_each(|x| *x *= inverse);
     }
     true
 }

@@ -7,8 +7,9 @@
 //! ```text
 //!   K Ġ = −K̇ G      K G̈ = −K̈ G − 2 K̇ Ġ      K_dᵀ λ = τ_d      W = −Gᵀ (∂ Kᵀλ/∂q) G
 //! ```
-//! With ẏ and ÿ constant numbers, ∂q̇/∂y = Ġ and ∂q̈/∂y = G̈ for joints of one freedom; W_jk = Σ τ_i
-//! ∂²γ_i/∂y_j∂y_k. Nothing here depends on how the closure was found; the one factor is K_d⁻¹.
+//! With ẏ and ÿ constant numbers, ∂q̇/∂y = Ġ and ∂q̈/∂y = G̈ for joints of one freedom; W_jk is
+//! Σ τ_i ∂²γ_i/∂y_j∂y_k.
+//! Nothing here depends on how the closure was found; the one factor is K_d⁻¹.
 
 use nalgebra::Vector3;
 
