@@ -36,19 +36,17 @@ impl Plan {
         d: &mut Derivatives<T>,
     ) -> Result<(), Status> {
         let forward = self.request == Request::ForwardDynamics;
-        // the held forces apart only where ∂τ_y is wanted beside them
         let of_actuators = self.wants_any(&OF_ACTUATORS);
-        let apart = of_actuators && self.wants(Field::DtauYDy);
         if self.steps.force_derivatives {
             self.forces_of_motion(model, ws, input, forward, d);
-            if (forward || of_actuators) && !apart {
+            if forward {
                 d.tau_q.iter_mut().zip(&d.held_q).for_each(|(x, held)| *x -= *held);
             }
         }
         for &c in &model.closed_clusters {
             let closure = &model.closures[c];
             if !closure.is_linear() {
-                self.close_derivatives(model, &model.clusters[c], ws, apart, d)?;
+                self.close_derivatives(model, &model.clusters[c], ws, of_actuators, d)?;
             }
         }
         if !self.steps.force_derivatives && !self.wants(Field::DjacobianDy) {
@@ -84,9 +82,6 @@ impl Plan {
         if !of_actuators {
             return Ok(());
         }
-        if !apart {
-            d.held.fill(T::ZERO);
-        }
         actuators(model, &self.needed.scope, ws, d)
     }
 
@@ -119,7 +114,7 @@ impl Plan {
         model: &Model<T>,
         cluster: &Cluster<T>,
         ws: &Workspace<T>,
-        apart: bool,
+        holds: bool,
         d: &mut Derivatives<T>,
     ) -> Result<(), Status> {
         let bodies = model.bodies_of(cluster);
@@ -143,7 +138,7 @@ impl Plan {
                 }
             };
             curve(&d.tau_q, &mut d.W);
-            if apart {
+            if holds {
                 curve(&d.held_q, &mut d.held);
             }
         }

@@ -7,7 +7,7 @@ use crate::linalg::solve_sound;
 use crate::mechanism::Frame;
 use crate::model::Model;
 use crate::plan::diagnostics::singular;
-use crate::plan::needed::{DERIVATIVES, OF_THE_LINKS};
+use crate::plan::needed::OF_THE_LINKS;
 use crate::plan::run::RunReport;
 use crate::plan::{Plan, links};
 use crate::scalar::{Real, all_finite};
@@ -211,11 +211,11 @@ impl Plan {
                     self.independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
-            field if DERIVATIVES.contains(&field) && !T::STRAIGHT => {
-                self.write_derivative(model, ws, field, out);
-            }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
+            field if field.is_derivative() && !T::STRAIGHT => {
+                self.write_derivative(model, ws, field, out);
+            }
             // written where they are computed
             _ => {}
         }
