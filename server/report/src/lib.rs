@@ -1,9 +1,8 @@
 //! Reports of sarrus on itself: error against run time on the same models and states.
 //!
 //! [`run()`] measures the sections of a report (error against run time, time integration, stress
-//! cases) and writes them as a page that opens offline, with its data as JSON and CSV.
-//! [`page::Pictures`] draws figures on a separate page. [`robots`], [`mod@reference`] and
-//! [`measure`] serve programs that measure more.
+//! cases) and writes them as a page that opens offline, with its data as JSON and CSV. [`robots`],
+//! [`mod@reference`] and [`measure`] serve programs that measure more.
 //!
 //! Each module depends only on those above it:
 //!

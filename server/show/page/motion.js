@@ -7,7 +7,7 @@ function field(kernel, numbers, name) {
 }
 
 // the pose from which loops are closed: zero, with unit quaternions
-const guess = robot.q.map((name) => (name.endsWith("/qw") ? 1 : 0));
+const guess = robot.q.map((of) => (of.part === "qw" ? 1 : 0));
 
 function answered(kernel, y, yd = zeros, ydd = zeros) {
   const parts = { y, yd, ydd, q_guess: guess, wrenches: wrenches() };
@@ -19,11 +19,12 @@ function answered(kernel, y, yd = zeros, ydd = zeros) {
   return { state, get: (name) => field(kernel, wanted, name) };
 }
 
-// a force at the origin of a tip, in the root's axes [N]
-const load = { tip: 0, force: [0, 0, 0] };
+// a force at the origin of a tip and a moment, in the root's axes [N, N m]
+const load = { tip: 0, force: [0, 0, 0], moment: [0, 0, 0] };
 
 function wrenches() {
-  return robot.tips.flatMap((_, k) => [0, 0, 0, ...(k === load.tip ? load.force : [0, 0, 0])]);
+  return robot.tips.flatMap((_, k) =>
+    k === load.tip ? [...load.moment, ...load.force] : [0, 0, 0, 0, 0, 0]);
 }
 
 const zeros = robot.yd.map(() => 0);
@@ -78,8 +79,10 @@ function worlds(y, known) {
   return found;
 }
 
-function outside(x, lower, upper) {
-  return (lower !== null && x < lower) || (upper !== null && x > upper);
+// how a number exceeds its limits, in words; nothing where it does not
+function beyond(x, of) {
+  if (of.lower !== null && x < of.lower) return `${x.toFixed(3)} < ${of.lower}`;
+  return of.upper !== null && x > of.upper ? `${x.toFixed(3)} > ${of.upper}` : null;
 }
 
 // status as `sarrus ask` names it where it is known, and the rest of an answer
@@ -94,18 +97,40 @@ function ask(y, yd, ydd) {
   const forces = answered(force, y, yd, ydd);
   answer.tau_u = forces.state === 2 ? null : forces.get("tau_u");
   if (!answer.tau_u) answer.status = "no_forces";
-  robot.y.forEach((of, k) => {
-    if (outside(y[k], of.lower, of.upper)) answer.exceeded.push(`position of ${of.name}`);
-  });
+  const exceeds = (words, of, what) => {
+    if (words) answer.exceeded.push(`${what} of ${motors.has(of.name) ? "motor " : ""}${of.name} ${words}`);
+  };
+  robot.q.forEach((of, k) => exceeds(beyond(answer.q[k], of), of, "position"));
   robot.u.forEach((of, k) => {
-    const tau = answer.tau_u ? Math.abs(answer.tau_u[k]) : 0;
-    const position = `position of ${of.name}`;
-    const exceeds = outside(answer.u[k], of.lower, of.upper);
-    if (exceeds && !answer.exceeded.includes(position)) answer.exceeded.push(position);
-    if (of.effort !== null && tau > of.effort) answer.exceeded.push(`force of ${of.name}`);
+    const tau = answer.tau_u?.[k] ?? 0;
+    const most = of.effort ?? Infinity;
+    exceeds(beyond(tau, { lower: -most, upper: most }), of, "force");
   });
-  if (at.state === 1 && answer.exceeded.length === 0) answer.exceeded.push("position of a dependent joint");
+  if (at.state === 1 && answer.exceeded.length === 0) answer.exceeded.push("velocity of a joint");
   return answer;
+}
+
+const motors = new Set(robot.u.map((of) => of.name));
+
+// the part of the straight way from one list of numbers to another up to which `holds`
+function reached(from, to, holds) {
+  let [low, high] = [0, 1];
+  for (let k = 0; k < 45; k++) {
+    const middle = (low + high) / 2;
+    if (holds(from.map((x, i) => x + middle * (to[i] - x)))) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
+// why there is no pose at y: the loops open on the way from a closed pose (`unreachable`), only
+// there (`singular_closure`), or neither is sure
+function reason(from, to) {
+  const part = reached(from, to, (y) => answered(pose, y).state !== 2);
+  const y = from.map((x, i) => x + part * (to[i] - x));
+  const sigma = sigma_min(Float64Array.from(answered(pose, y).get("q")));
+  const status = !(sigma < 1e-3) ? "not_found" : part > 1 - 1e-7 ? "singular_closure" : "unreachable";
+  return { status, y, sigma };
 }
 
 // y whose actuators stand at u, from a closed pose: Newton's method on the page's own functions,

@@ -2,15 +2,17 @@
 // The sliders, the table of motors and the status in words.
 
 const words = {
-  no_pose: "No pose: the loops do not close here, or the pose is singular. The last pose stands.",
-  no_motors: "No pose has these motor positions on this branch. The last pose stands.",
-  no_forces: "No forces: the motors do not control the robot here, or no digit is certain.",
+  unreachable: "Unreachable: no pose closes the loops here",
+  singular_closure: "Singular: the loops lose a rank here",
+  not_found: "No pose found: neither the closed forms nor Newton's method are certain here",
+  no_motors: "Unreachable: no pose of this branch has these motor positions",
+  no_forces: "Singular: the motors do not control the robot here, or no digit of a force is certain",
   ok: "ok",
 };
 // sigma_min from which on the status speaks of it
 const near = 0.01;
 const element = (id) => document.getElementById(id);
-const now = { by: "y", y: [], yd: [], ydd: [], answer: null, status: "ok" };
+const now = { by: "y", y: [], answer: null, status: "ok", why: "" };
 
 // the quaternion's real part follows the others
 const isShown = (of) => of.part !== "qw";
@@ -103,7 +105,7 @@ function makeSliders() {
   });
 }
 
-// sliders of a force along the root's axes
+// sliders of a force and a moment along the root's axes
 function makeForces() {
   element("load").hidden = robot.tips.length === 0;
   robot.tips.forEach((name, k) => element("tip").add(new Option(name, k)));
@@ -111,24 +113,30 @@ function makeForces() {
     load.tip = Number(event.target.value);
     again();
   });
-  ["x", "y", "z"].forEach((axis, k) => {
-    const row = document.createElement("div");
-    row.className = "slider";
-    const label = document.createElement("label");
-    label.htmlFor = `force_${axis}`;
-    label.textContent = `force along ${axis}`;
-    const output = document.createElement("output");
-    const input = document.createElement("input");
-    Object.assign(input, { type: "range", id: label.htmlFor, min: -100, max: 100, step: 1, value: 0 });
-    output.textContent = "0 N";
-    input.addEventListener("input", () => {
-      load.force[k] = Number(input.value);
-      output.textContent = `${input.value} N`;
-      again();
+  for (const [name, most, unit] of [["force", 100, "N"], ["moment", 10, "N m"]]) {
+    ["x", "y", "z"].forEach((axis, k) => {
+      const row = document.createElement("div");
+      row.className = "slider";
+      const label = document.createElement("label");
+      label.htmlFor = `${name}_${axis}`;
+      label.textContent = `${name} along ${axis}`;
+      const output = document.createElement("output");
+      const input = document.createElement("input");
+      Object.assign(input, { type: "range", id: label.htmlFor, min: -most, max: most, step: most / 100, value: 0 });
+      const say = () => {
+        output.textContent = `${input.value} ${unit}`;
+        input.setAttribute("aria-valuetext", output.textContent);
+      };
+      say();
+      input.addEventListener("input", () => {
+        load[name][k] = Number(input.value);
+        say();
+        again();
+      });
+      row.append(label, output, input);
+      element("forces").append(row);
     });
-    row.append(label, output, input);
-    element("forces").append(row);
-  });
+  }
 }
 
 // the same pose once more
@@ -166,7 +174,9 @@ function slide(k, value) {
     if (y) {
       set(y);
     } else {
+      const part = reached(from.u, u, (at) => independents(at, from.y) !== null);
       now.status = "no_motors";
+      now.why = `. On the way ${robot.u[k].name} comes to ${text(from.u[k] + part * (value - from.u[k]))}. The last pose stands.`;
       show(value, k);
     }
   }
@@ -177,6 +187,8 @@ function set(y, yd = zeros, ydd = zeros) {
   now.y = y;
   const answer = ask(y, yd, ydd);
   now.status = answer.status;
+  now.why = "";
+  if (answer.status === "no_pose") explain(y);
   if (answer.worlds) {
     now.answer = answer;
     view.worlds = answer.worlds;
@@ -185,17 +197,34 @@ function set(y, yd = zeros, ydd = zeros) {
   return answer;
 }
 
+// the reason of a missing pose, and the end of the way to it from the last one
+function explain(y) {
+  now.status = "not_found";
+  if (!now.answer) return;
+  const from = now.answer.y;
+  const { status, y: last, sigma } = reason(from, y);
+  now.status = status;
+  const far = y.map((x, k) => Math.abs(x - from[k]));
+  const k = far.indexOf(Math.max(...far));
+  const limits = ask(last, zeros, zeros).exceeded ?? [];
+  now.why = `. On the way ${robot.y[k].name} comes to ${text(last[k])}, σ_min ${sigma.toExponential(1)}`
+    + `${limits.length > 0 ? `, with ${limits.join(", ")}` : ""}. The last pose stands.`;
+}
+
 function show(asked, of) {
   const { answer, status } = now;
   const fails = status !== "ok";
   const exceeded = answer && !fails ? answer.exceeded : [];
   const notes = [];
-  if (!fails && answer.sigma_min < near) notes.push("Near a singular pose");
+  if (!fails && answer.sigma_min < near) {
+    notes.push(`Near a singular pose: σ_min ${answer.sigma_min.toExponential(1)}`);
+  }
   if (exceeded.length > 0) notes.push(`Outside a limit: ${exceeded.join(", ")}`);
   element("picture").className = fails || notes.length > 0 ? "bad" : "";
   const spoken = element("status");
   spoken.className = fails ? "bad" : notes.length > 0 ? "warn" : "";
-  spoken.textContent = notes.length > 0 ? notes.join(". ") : words[status];
+  spoken.textContent = notes.length > 0 ? notes.join(". ") : words[status] + now.why;
+  spoken.dataset.status = status;
   element("distance").textContent = !robot.closed || !answer
     ? "" : `Distance to a singular pose, σ_min: ${text(answer.sigma_min)}`;
   element("distance").dataset.value = answer?.sigma_min;
@@ -217,7 +246,7 @@ function show(asked, of) {
     const low = motor.lower ?? -1;
     const high = motor.upper ?? 1;
     const limited = motor.lower !== null || motor.upper !== null;
-    put(first, u, motor.slides ? "m" : "rad", limited && outside(u, motor.lower, motor.upper));
+    put(first, u, motor.slides ? "m" : "rad", limited && beyond(u ?? NaN, motor) !== null);
     first.querySelector(".bar").hidden = !(motor.lower !== null && motor.upper !== null);
     const at = Math.min(1, Math.max(0, (u - low) / (high - low)));
     first.querySelector("i").style.left = `${100 * at}%`;
@@ -231,8 +260,8 @@ function show(asked, of) {
     first.title = limited ? `limits ${motor.lower ?? "none"} to ${motor.upper ?? "none"}` : "";
   });
   const line = { y: now.y, want: ["q", "u", "tau_u"] };
-  if (load.force.some((x) => x !== 0)) {
-    line.wrenches = { [robot.tips[load.tip]]: [0, 0, 0, ...load.force] };
+  if ([...load.moment, ...load.force].some((x) => x !== 0)) {
+    line.wrenches = { [robot.tips[load.tip]]: [...load.moment, ...load.force] };
   }
   element("command").textContent =
     `echo '${JSON.stringify(line)}' | sarrus ask inverse-dynamics ${robot.flags}`;
@@ -294,10 +323,11 @@ function stop() {
   const off = deviation.worst === 0 ? "0" : deviation.worst.toExponential(1);
   element("fine").textContent =
     `Largest deviation from sarrus ${robot.version} in this browser: ${off}, by the size of each `
-    + `field, on ${deviation.states - deviation.left} of ${deviation.states} states. ${robot.operations} operations; fingerprint ${robot.fingerprint}.`;
+    + `field, on ${deviation.states - deviation.left} of ${deviation.states} states. ${robot.operations} operations; fingerprint ${robot.fingerprint}.`
+    + robot.notes.map((note) => ` ${note}.`).join("");
   const y = start();
   const answer = ask(y, zeros, zeros);
-  if (answer.worlds) fit(answer.worlds);
+  if (answer.worlds) fitAll([answer.worlds]);
   open(element("canvas"));
   if (robot.u.length !== robot.yd.length || robot.y.some((of) => of.part)) {
     document.querySelector("#by input[value=u]").disabled = true;
@@ -313,7 +343,10 @@ function stop() {
     makeSliders();
     set(now.y);
   });
-  element("shown").addEventListener("change", (event) => {
+  const shown = element("shown");
+  shown.querySelector("[value=boxes]").checked = view.shown.boxes;
+  shown.querySelector("[value=shapes]").parentElement.hidden = robot.visuals.length === 0;
+  shown.addEventListener("change", (event) => {
     view.shown[event.target.value] = event.target.checked;
     view.draw();
   });

@@ -6,6 +6,11 @@ const rods = [];
 const marks = [];
 const boxes = [];
 const axes = [];
+// what the URDF draws: [link, pose, shape, pose of its box, half sides of it]
+const shapes = robot.visuals.map((of) => {
+  const middle = placed(of.at, of.middle);
+  return [of.link, of.at, of, [...middle, ...of.at.slice(3)], of.half];
+});
 
 (() => {
   // all joints at zero: cut frames are given there
@@ -44,19 +49,37 @@ const axes = [];
 })();
 
 const view = {
-  yaw: -0.9, pitch: 0.35, distance: 3, target: [0, 0, 0], size: 1, shown: { axes: true, cuts: true, boxes: true },
-  worlds: null, bad: false,
+  yaw: -0.9, pitch: 0.35, distance: 3, target: [0, 0, 0], size: 1, worlds: null,
+  shown: { axes: true, cuts: true, boxes: robot.visuals.length === 0, shapes: true },
 };
 
-
-// the force on a tip: its two ends, none without a force
-function arrow() {
-  const link = robot.links.findIndex((of) => of.name === robot.tips[load.tip]);
-  const size = Math.hypot(...load.force);
+// the force and the moment on a tip: their two ends, none where they are zero
+function arrow(of, usual) {
+  const link = robot.links.findIndex((other) => other.name === robot.tips[load.tip]);
+  const size = Math.hypot(...of);
   if (!view.worlds || link < 0 || size === 0) return null;
   const from = view.worlds[link].slice(0, 3);
-  return [from, from.map((x, k) => x + (0.35 * view.size * load.force[k]) / (size + 50))];
+  return [from, from.map((x, k) => x + (0.35 * view.size * of[k]) / (size + usual))];
 }
+
+const arrows = () => [arrow(load.force, 50), arrow(load.moment, 5)];
+
+// little-endian numbers in base64
+function decoded(text, wide) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return wide ? new Uint32Array(bytes.buffer) : new Uint16Array(bytes.buffer);
+}
+
+// corners of the triangles of each mesh, one after the other
+const meshes = robot.meshes.map((mesh) => {
+  if (!mesh) return null;
+  const points = decoded(mesh.points, false);
+  const list = new Float32Array(3 * decoded(mesh.triangles, mesh.wide).length);
+  decoded(mesh.triangles, mesh.wide).forEach((p, k) => {
+    for (let i = 0; i < 3; i++) list[3 * k + i] = mesh.low[i] + mesh.step[i] * points[3 * p + i];
+  });
+  return list;
+});
 
 // the eye, and the directions right and up of the picture
 function eye() {
@@ -81,11 +104,13 @@ function pixel(p, width, height) {
   return [width / 2 + along(right) * scale, height / 2 - along(up) * scale];
 }
 
-// the view that holds the robot
-function fit(worlds) {
-  const points = [...rods.flatMap(([a, p, b, q]) => [placed(worlds[a], p), placed(worlds[b], q)]),
-    ...boxes.flatMap(([k, at, half]) =>
-      corners.map((c) => placed(times(worlds[k], at), c.map((x, i) => x * half[i]))))];
+// the view that holds the robot in these poses
+function fitAll(all) {
+  const boxed = [...boxes, ...shapes.map(([k, , , at, half]) => [k, at, half])];
+  const points = all.flatMap((worlds) => [
+    ...rods.flatMap(([a, p, b, q]) => [placed(worlds[a], p), placed(worlds[b], q)]),
+    ...boxed.flatMap(([k, at, half]) =>
+      corners.map((c) => placed(times(worlds[k], at), c.map((x, i) => x * half[i]))))]);
   if (points.length === 0) points.push([0, 0, 0]);
   const bound = (of) => [0, 1, 2].map((k) => of(...points.map((p) => p[k])));
   const low = bound(Math.min);
@@ -106,7 +131,7 @@ function colours() {
   const of = (name) => style.getPropertyValue(name).trim();
   return {
     rod: of("--rod"), slide: of("--slide"), axis: of("--axis"), cut: of("--cut"), box: of("--box"),
-    grid: of("--grid"), force: of("--force"),
+    grid: of("--grid"), force: of("--force"), shape: of("--shape"), moment: of("--moment"),
   };
 }
 
@@ -131,13 +156,13 @@ function lines(canvas) {
     const { worlds, shown, size } = view;
     if (!worlds) return;
     context.lineCap = "round";
-    if (shown.boxes) {
-      for (const [k, at, half] of boxes) {
-        const frame = times(worlds[k], at);
-        const points = corners.map((c) => placed(frame, c.map((x, i) => x * half[i])));
-        for (const [a, b] of edges) draw(points[a], points[b], colour.box, 1);
-      }
-    }
+    const box = (k, at, half, style) => {
+      const frame = times(worlds[k], at);
+      const points = corners.map((c) => placed(frame, c.map((x, i) => x * half[i])));
+      for (const [a, b] of edges) draw(points[a], points[b], style, 1);
+    };
+    if (shown.boxes) for (const [k, at, half] of boxes) box(k, at, half, colour.box);
+    if (shown.shapes) for (const [k, , , at, half] of shapes) box(k, at, half, colour.shape);
     for (const [a, p, b, q, kind] of rods) {
       draw(placed(worlds[a], p), placed(worlds[b], q), colour[kind], 4);
     }
@@ -147,8 +172,9 @@ function lines(canvas) {
         draw(end(-1), end(1), colour.axis, 1.5);
       }
     }
-    const force = arrow();
-    if (force) draw(...force, colour.force, 5);
+    arrows().forEach((ends, k) => {
+      if (ends) draw(...ends, k === 0 ? colour.force : colour.moment, 5);
+    });
     if (shown.cuts) {
       for (const [k, p] of marks) {
         context.fillStyle = colour.cut;
@@ -158,6 +184,20 @@ function lines(canvas) {
       }
     }
   };
+}
+
+// of half sides 1, but for meshes
+function geometryOf(shape) {
+  if (shape.kind === "box") return new THREE.BoxGeometry(2, 2, 2);
+  if (shape.kind === "sphere") return new THREE.SphereGeometry(1, 32, 20);
+  if (shape.kind === "cylinder") {
+    return new THREE.CylinderGeometry(1, 1, 2, 32).rotateX(Math.PI / 2);
+  }
+  const geometry = new THREE.BufferGeometry();
+  const of = meshes[shape.mesh] ?? new Float32Array();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(of, 3));
+  geometry.computeVertexNormals();
+  return geometry;
 }
 
 // solids by WebGL
@@ -181,7 +221,19 @@ function solids(canvas) {
   const of = { rod: material(colour.rod), slide: material(colour.slide) };
   const axisOf = material(colour.axis);
   const forceOf = material(colour.force);
-  const pull = solid(cylinder, forceOf);
+  const momentOf = material(colour.moment);
+  const pulls = [forceOf, momentOf].map((of) => solid(cylinder, of));
+  const shapeOf = material(colour.shape);
+  const drawn = shapes.map(([, , shape]) => {
+    const [r, g, b, opacity] = shape.colour ?? [];
+    const own = shape.colour ? material(0xffffff, opacity) : shapeOf;
+    if (shape.colour) own.color.setRGB(r, g, b, "srgb");
+    own.side = 2; // files wind some triangles the other way
+    const mesh = solid(geometryOf(shape), own);
+    if (shape.kind === "mesh") mesh.scale.set(...shape.scale);
+    else mesh.scale.set(...shape.half.map((x) => Math.max(x, 1e-6)));
+    return mesh;
+  });
   const bars = rods.map(([, , , , kind]) => solid(cylinder, of[kind]));
   const joints = axes.map(() => solid(cylinder, axisOf));
   const ball = new THREE.SphereGeometry(0.014 * view.size, 20, 12);
@@ -214,7 +266,8 @@ function solids(canvas) {
   const recoloured = () => {
     const now = colours();
     for (const [name, list] of [["rod", [of.rod]], ["slide", [of.slide]], ["axis", [axisOf]],
-      ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]], ["grid", [].concat(grid.material)]]) {
+      ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]],
+      ["moment", [momentOf]], ["shape", [shapeOf]], ["grid", [].concat(grid.material)]]) {
       list.forEach((each) => each.color.set(now[name]));
     }
     grid.geometry.deleteAttribute("color");
@@ -244,9 +297,16 @@ function solids(canvas) {
       rods.forEach(([a, p, b, q], k) => {
         lay(bars[k], placed(worlds[a], p), placed(worlds[b], q), radius);
       });
-      const force = arrow();
-      if (force) lay(pull, ...force, 1.3 * radius);
-      pull.visible = force !== null;
+      arrows().forEach((ends, k) => {
+        if (ends) lay(pulls[k], ...ends, 1.3 * radius);
+        pulls[k].visible = ends !== null;
+      });
+      shapes.forEach(([k, at], i) => {
+        const world = times(worlds[k], at);
+        drawn[i].position.set(...world.slice(0, 3));
+        drawn[i].quaternion.set(...world.slice(3));
+        drawn[i].visible = shown.shapes;
+      });
       axes.forEach(([k, axis], i) => {
         const end = (s) => placed(worlds[k], axis.map((x) => s * 0.06 * view.size * x));
         lay(joints[i], end(-1), end(1), 0.35 * radius);

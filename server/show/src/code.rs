@@ -1,6 +1,6 @@
 //! The functions of a page: generated code, with states on which the page compares it.
 
-use sarrus_dynamics::description::JointKind;
+use sarrus_dynamics::description::{JointKind, SubmechanismKind};
 use sarrus_dynamics::{ClosureKind, Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_generate::{GenerateError, Kernel, Outcome, Script, sigma_min};
 use sarrus_models::Loaded;
@@ -15,6 +15,7 @@ const TIPS: usize = 2;
 const STATES: usize = 8;
 
 /// The functions, and the links whose poses they compute.
+#[derive(Default)]
 pub(crate) struct Code {
     /// Declares `pose`, `force` and `frames`: a list of objects of [`Script`], each with its
     /// `states`.
@@ -75,25 +76,36 @@ pub(crate) fn code(loaded: &Loaded) -> Result<Code, ShowError> {
     Ok(code)
 }
 
-/// The links without a moving joint on them that most independents move.
+/// The links at the ends of the tree that most independents move: a joint of a submechanism follows
+/// all of its independents. Among links of one submechanism the one at most cuts leads, as the
+/// platform of legs.
 fn tips(loaded: &Loaded) -> Vec<usize> {
-    let joints = &loaded.description.joints;
-    let independent = &loaded.compiled.model.info().independent;
+    let description = &loaded.description;
+    let joints = &description.joints;
+    let groups = &description.submechanisms;
     let moved_by = |link: usize| {
         let mut at = link;
-        let mut count = 0;
-        while let Some(joint) = joints.iter().find(|joint| joint.child == at) {
-            let own = |name: &&String| name.split('/').next() == Some(joint.name.as_str());
-            count += independent.iter().filter(own).count();
-            at = joint.parent;
+        let mut moving: Vec<usize> = Vec::new();
+        let mut own = 0;
+        while let Some(k) = joints.iter().position(|joint| joint.child == at) {
+            for group in groups.iter().filter(|group| group.spanning_tree.contains(&k)) {
+                let is_serial = group.kind == SubmechanismKind::Serial;
+                moving.extend(group.independent.iter().filter(|joint| !is_serial || **joint == k));
+                own += usize::from(group.independent.contains(&k));
+            }
+            at = joints[k].parent;
         }
-        count
+        moving.sort_unstable();
+        moving.dedup();
+        let loops = groups.iter().flat_map(|group| &group.loops);
+        let cuts = loops.filter(|of| of.predecessor == link || of.successor == link).count();
+        (moving.len(), cuts, own)
     };
     let moving = || joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
     let is_tip = |link: &usize| moving().all(|joint| joint.parent != *link);
     let mut tips: Vec<usize> = moving().map(|joint| joint.child).filter(is_tip).collect();
     tips.sort_by_key(|link| std::cmp::Reverse(moved_by(*link)));
-    tips.retain(|link| moved_by(*link) > 0);
+    tips.retain(|link| moved_by(*link).0 > 0);
     tips.truncate(TIPS);
     tips
 }
@@ -145,4 +157,30 @@ impl Code {
 
 fn query(request: Request, given: &[Field], want: &[Field]) -> Query {
     Query::new(request, FieldSet::of(given), FieldSet::of(want))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use sarrus_models::{Options, Source, load};
+
+    use super::*;
+
+    #[test]
+    fn a_force_acts_on_the_link_that_all_motors_move() {
+        for (robot, first) in [
+            ("delta", "platform"),
+            ("lambda", "Elbow_Link"),
+            ("active_ankle", "foot"),
+            ("stewart", "HipRotZ_Link"),
+        ] {
+            let loaded = load(&Source::Bundled(robot.to_owned()), &Options::default()).unwrap();
+            let tips = tips(&loaded);
+            let names: Vec<&str> =
+                tips.iter().map(|link| loaded.description.links[*link].name.as_str()).collect();
+            println!("{robot}: {names:?}");
+            assert_eq!(names[0], first);
+        }
+    }
 }

@@ -2,14 +2,34 @@
 
 mod code;
 mod error;
+mod mesh;
+mod motion;
 mod scene;
+mod visuals;
 
 use sarrus_models::{Base, Loaded, Options, Source};
+use serde_json::Value;
 
 pub use error::ShowError;
+pub use motion::{Chart, Curve, Motion, POINTS, motion, sparse};
 
 /// The stack of a trace: its recursion is as deep as the robot.
 const STACK: usize = 16 << 20;
+
+/// The longest page.
+const LONGEST: usize = 2_950_000;
+
+/// Meshes of a page.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Meshes {
+    /// Nothing that the URDF draws.
+    None,
+    /// Boxes, cylinders and spheres, and the convex hull of each mesh.
+    Hull,
+    /// Meshes too; the largest ones are hulls where the page would be too long.
+    #[default]
+    All,
+}
 
 /// Choices of a page.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -18,6 +38,10 @@ pub struct Settings {
     pub swing: bool,
     /// The flags by which `sarrus ask` chooses this robot.
     pub flags: String,
+    /// Which meshes are drawn.
+    pub meshes: Meshes,
+    /// The files in which visuals stand; without them none is drawn.
+    pub source: Option<Source>,
 }
 
 impl Settings {
@@ -48,7 +72,7 @@ impl Settings {
             flags += &format!(" --lock '{}{position}'", lock.joint);
         }
         only.iter().for_each(|link| flags += &format!(" --only '{link}'"));
-        Settings { swing, flags }
+        Settings { swing, flags, meshes: Meshes::default(), source: Some(source.clone()) }
     }
 }
 
@@ -66,21 +90,35 @@ pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
         worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })?;
     let robot = scene::scene(loaded, settings, &code);
-    let scripts = [
-        include_str!("../page/three/three.min.js"),
-        &code.text,
-        &format!("const robot = {};", embedded(&robot.to_string())),
-        include_str!("../page/geometry.js"),
-        include_str!("../page/motion.js"),
-        include_str!("../page/view.js"),
-        include_str!("../page/panel.js"),
-    ];
-    let scripts: String = scripts.iter().map(|text| format!("<script>{text}</script>\n")).collect();
+    let parts = [&code.text, include_str!("../page/motion.js"), include_str!("../page/panel.js")];
+    Ok(assembled(include_str!("../page/page.html"), loaded, settings, robot, parts))
+}
+
+/// A page from its template, the robot with its visuals, and scripts: before the robot, after the
+/// geometry, and after the view.
+fn assembled(
+    template: &str,
+    loaded: &Loaded,
+    settings: &Settings,
+    mut robot: Value,
+    [first, motion, panel]: [&str; 3],
+) -> String {
+    let three = include_str!("../page/three/three.min.js");
+    let geometry = include_str!("../page/geometry.js");
+    let view = include_str!("../page/view.js");
+    let style = include_str!("../page/page.css");
+    let length = [template, first, three, geometry, motion, view, panel, style].map(str::len);
+    let length = length.iter().sum::<usize>() + robot.to_string().len();
+    visuals::add(&mut robot, &loaded.description, settings, LONGEST.saturating_sub(length));
+    let robot = format!("const robot = {};", embedded(&robot.to_string()));
+    let scripts = [three, first, &robot, geometry, motion, view, panel];
+    let scripts = scripts.iter().filter(|text| !text.is_empty());
+    let scripts: String = scripts.map(|text| format!("<script>{text}</script>\n")).collect();
     // names go last: no part of a page is a template of another
-    Ok(include_str!("../page/page.html")
-        .replace("@STYLE@", include_str!("../page/page.css"))
+    template
+        .replace("@STYLE@", style)
         .replace("@TITLE@", &text(&loaded.description.name))
-        .replace("@SCRIPTS@", &scripts))
+        .replace("@SCRIPTS@", &scripts)
 }
 
 /// A page of links to the pages NAME.html of these robots, each with a line about it. Allocates.

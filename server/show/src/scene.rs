@@ -40,7 +40,7 @@ pub(crate) fn scene(loaded: &Loaded, settings: &Settings, code: &Code) -> Value 
         "y": coordinates(&info.independent_q),
         "yd": info.independent,
         "u": coordinates(&info.active),
-        "q": info.tree_q,
+        "q": coordinates(&info.tree_q),
         "links": (0..description.links.len())
             .map(|link| link_of(description, link, code))
             .collect::<Vec<Value>>(),
@@ -97,7 +97,7 @@ fn loops(description: &Description) -> Vec<Value> {
 }
 
 /// Position, then quaternion x, y, z, w.
-fn placement(of: &Placement) -> Vec<f64> {
+pub(crate) fn placement(of: &Placement) -> Vec<f64> {
     let [roll, pitch, yaw] = of.rpy;
     let turn = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
     of.xyz.iter().chain(turn.coords.iter()).copied().collect()

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{Loaded, Options, Source, load, texts};
-use sarrus_show::{Settings, page};
+use sarrus_show::{Chart, Curve, Meshes, Motion, Settings, motion, page};
 use serde_json::Value;
 
 /// Width and height of windows: a phone, on its side too, a laptop, a large screen.
@@ -20,8 +20,18 @@ fn settings(robot: &str) -> Settings {
     Settings::new(&Source::Bundled(robot.to_owned()), &Options::default(), false)
 }
 
+fn run(robot: &str, script: &str, size: [u32; 2], hash: &str) -> Option<Value> {
+    run_page(robot, &page(&loaded(robot), &settings(robot)).unwrap(), script, size, hash)
+}
+
 /// The `answer` of a script at the end of a page, with no error on the way; none without a browser.
-fn run(robot: &str, script: &str, [width, height]: [u32; 2], hash: &str) -> Option<Value> {
+fn run_page(
+    robot: &str,
+    text: &str,
+    script: &str,
+    [width, height]: [u32; 2],
+    hash: &str,
+) -> Option<Value> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let is_there = |name: &&str| {
         let mut command = Command::new(name);
@@ -32,7 +42,6 @@ fn run(robot: &str, script: &str, [width, height]: [u32; 2], hash: &str) -> Opti
         println!("not run: no chromium");
         return None;
     };
-    let text = page(&loaded(robot), &settings(robot)).unwrap();
     let errors = "<script>const errors = [];
         addEventListener('error', (event) => errors.push(event.message));
         console.error = (...words) => errors.push(words.join(' '));</script>";
@@ -100,16 +109,21 @@ fn answers(robot: &str, y: &[f64], want: Field, link: Option<String>) -> Vec<f64
     output
 }
 
+/// Addresses in a page that are no namespace.
+fn references(text: &str) -> usize {
+    let outside = text.split("http").skip(1).filter(|rest| {
+        let rest = rest.trim_start_matches('s');
+        rest.starts_with("://") && !rest.starts_with("://www.w3.org/")
+    });
+    outside.count()
+}
+
 #[test]
 fn a_page_is_one_small_file_without_outside_references() {
     for (robot, _) in sarrus_models::bundled() {
         let text = page(&loaded(robot), &settings(robot)).unwrap();
         assert!(text.len() < 3_000_000, "{}", text.len());
-        let outside = text.split("http").skip(1).filter(|rest| {
-            let rest = rest.trim_start_matches('s');
-            rest.starts_with("://") && !rest.starts_with("://www.w3.org/")
-        });
-        assert_eq!(outside.count(), 0, "{robot}");
+        assert_eq!(references(&text), 0, "{robot}");
         let scripts = text.matches("<script").count();
         assert_eq!(scripts, text.matches("</script>").count());
         println!("{robot}: {} bytes", text.len());
@@ -258,4 +272,246 @@ fn names_of_a_file_end_no_script() {
     let text = page(&loaded, &Settings::new(&source, &Options::default(), false)).unwrap();
     assert_eq!(text.matches("<script").count(), text.matches("</script").count());
     assert!(!text.contains("<b>@"));
+}
+
+#[test]
+fn a_pose_that_is_missing_has_a_red_outline_and_its_reason_in_words() {
+    // the page's word for each pose, and the end of the way to it
+    let script = "
+        const asked = @ASKED@;
+        answer.found = asked.map((y) => {
+            set(start());
+            set(normalised([...y]));
+            return { status: element('status').dataset.status, words: element('status').textContent,
+                red: element('picture').className === 'bad', last: now.answer.y };
+        });
+        // by its motors, far beyond their reach
+        set(start());
+        now.by = 'u';
+        const before = [...now.answer.u];
+        slide(0, before[0] + 50);
+        answer.motor = { status: element('status').dataset.status, words: element('status').textContent,
+            red: element('picture').className === 'bad', kept: now.answer.u[0] === before[0] };
+    ";
+    for robot in ["bricard", "four_bars_2", "lambda"] {
+        let loaded = loaded(robot);
+        let model = &loaded.compiled.model;
+        let want = FieldSet::of(&[Field::Q]);
+        let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
+        let plan = Plan::new(model, &query).unwrap();
+        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let n = plan.given().len();
+        let asked: Vec<Vec<f64>> = (0..40)
+            .map(|k| (0..n).map(|i| 3.1 * (f64::from(k) * 0.7 + 2.3 * i as f64).sin()).collect())
+            .collect();
+        let script = script.replace("@ASKED@", &format!("{asked:?}"));
+        let Some(answer) = run(robot, &script, [1280, 800], "") else { return };
+        let mut seen = Vec::new();
+        for (y, found) in asked.iter().zip(answer["found"].as_array().unwrap()) {
+            let mut output = vec![0.0; plan.want().len()];
+            let status = plan.run(model, &mut workspace, y, &mut output).status;
+            let word = found["status"].as_str().unwrap();
+            let is_right = match word {
+                "ok" | "no_forces" => status == Status::Ok,
+                "unreachable" => [
+                    Status::Unreachable,
+                    Status::BranchChanged,
+                    Status::SingularClosure,
+                    Status::SingularIndependents,
+                ]
+                .contains(&status),
+                // the page's Newton method gives up before the plan's
+                _ => true,
+            };
+            assert!(is_right, "{robot} {y:?}: {word}, the plan {}", status.name());
+            if status == Status::Unreachable {
+                assert_eq!(found["red"], true, "{robot} {y:?} {found}");
+                let words = found["words"].as_str().unwrap();
+                assert!(words.contains("comes to"), "{words}");
+                // the pose that stands is the start
+                assert!(numbers(&found["last"]).iter().all(|x| x.abs() < 1.0), "{found}");
+            }
+            seen.push((word.to_owned(), status.name()));
+        }
+        let words: std::collections::BTreeSet<_> = seen.into_iter().collect();
+        println!("{robot}: {words:?}; {}", answer["motor"]);
+        let is_there = |word: &str| words.iter().any(|(found, _)| found == word);
+        assert!(is_there("ok") && (robot != "bricard" || is_there("unreachable")));
+        if robot == "lambda" {
+            let motor = &answer["motor"];
+            assert_eq!((&motor["status"], &motor["red"]), (&"no_motors".into(), &true.into()));
+            assert_eq!(motor["kept"], true, "{motor}");
+            assert!(motor["words"].as_str().unwrap().contains("ElbowAct comes to"), "{motor}");
+        }
+    }
+}
+
+/// A cube of side 2 around (3, 0, 0) as a text.
+fn cube() -> String {
+    let mut text = String::new();
+    for k in 0..8 {
+        let side = |bit: i32| if k & bit == 0 { -1 } else { 1 };
+        text += &format!("v {} {} {}\n", 3 + side(1), side(2), side(4));
+    }
+    for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
+        text += &format!("f {face}\n");
+    }
+    text
+}
+
+#[test]
+fn shapes_of_a_urdf_stand_on_their_links() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("shapes");
+    std::fs::create_dir_all(folder.join("meshes")).unwrap();
+    std::fs::write(folder.join("meshes/cube.obj"), cube()).unwrap();
+    std::fs::write(folder.join("meshes/scene.dae"), "<COLLADA/>").unwrap();
+    let urdf = "<robot name='arm'>
+        <material name='red'><color rgba='1 0 0 1'/></material>
+        <link name='base'><visual><geometry><box size='0.2 0.2 0.1'/></geometry></visual></link>
+        <link name='arm'>
+          <inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>
+          <visual><origin xyz='0.3 0 0' rpy='0 1.5707963267948966 0'/>
+            <geometry><cylinder radius='0.05' length='0.6'/></geometry></visual>
+          <visual><origin xyz='0.6 0 0'/><geometry><sphere radius='0.1'/></geometry>
+            <material name='red'/></visual>
+          <visual><geometry><mesh filename='package://arm/meshes/cube.obj' scale='0.1 0.1 0.1'/></geometry></visual>
+          <visual><geometry><mesh filename='meshes/scene.dae'/></geometry></visual>
+          <visual><geometry><mesh filename='meshes/none.stl'/></geometry></visual>
+        </link>
+        <joint name='turn' type='continuous'><parent link='base'/><child link='arm'/>
+          <axis xyz='0 0 1'/></joint>
+        </robot>";
+    let path = folder.join("arm.urdf");
+    std::fs::write(&path, urdf).unwrap();
+    let source = Source::Files { urdf: path, submechanisms: None };
+    let loaded = load(&source, &Options::default()).unwrap();
+    let settings = Settings::new(&source, &Options::default(), false);
+    let script = "
+        answer.kinds = robot.visuals.map((of) => of.kind);
+        answer.middles = shapes.map(([k, , , at]) => placed(view.worlds[k], at.slice(0, 3)));
+        answer.corners = meshes.map((mesh) => mesh.length);
+        answer.notes = element('fine').textContent;
+        set([0.5]);
+        const copy = document.createElement('canvas');
+        const painted = () => {
+            view.draw();
+            copy.width = view.canvas.width;
+            copy.height = view.canvas.height;
+            const of = copy.getContext('2d');
+            of.drawImage(view.canvas, 0, 0);
+            const scale = copy.width / view.canvas.clientWidth;
+            const p = placed(view.worlds[1], [0.6, 0, 0.08]);
+            const [x, y] = pixel(p, view.canvas.clientWidth, view.canvas.clientHeight);
+            return [...of.getImageData(Math.round(x * scale), Math.round(y * scale), 1, 1).data];
+        };
+        view.shown.boxes = view.shown.axes = false;
+        answer.shown = painted();
+        view.shown.shapes = false;
+        answer.hidden = painted();
+    ";
+    for (meshes, corners) in [(Meshes::All, 36), (Meshes::Hull, 36)] {
+        let text = page(&loaded, &Settings { meshes, ..settings.clone() }).unwrap();
+        let Some(answer) = run_page("shapes", &text, script, [1280, 800], "") else { return };
+        println!("{answer}");
+        assert_eq!(answer["kinds"], serde_json::json!(["box", "cylinder", "sphere", "mesh"]));
+        for (found, expected) in answer["middles"].as_array().unwrap().iter().zip([
+            [0.0, 0.0, 0.0],
+            [0.3, 0.0, 0.0],
+            [0.6, 0.0, 0.0],
+            [0.3, 0.0, 0.0],
+        ]) {
+            let found = numbers(found);
+            let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-9, "{found:?} {expected:?}");
+        }
+        assert_eq!(answer["corners"], serde_json::json!([3 * corners]));
+        let notes = answer["notes"].as_str().unwrap();
+        assert!(notes.contains("meshes/scene.dae is neither STL nor OBJ"), "{notes}");
+        assert!(notes.contains("meshes/none.stl is not there"), "{notes}");
+        // the sphere is red, and gone without shapes
+        let [shown, hidden] = ["shown", "hidden"].map(|name| numbers(&answer[name]));
+        assert!(shown[0] > 2.0 * shown[1] && shown[0] > 2.0 * shown[2], "{shown:?}");
+        assert_ne!(shown, hidden);
+    }
+    let none = page(&loaded, &Settings { meshes: Meshes::None, ..settings }).unwrap();
+    assert!(none.contains("\"visuals\":[]") && none.contains("\"meshes\":[]"));
+}
+
+#[test]
+fn a_motion_moves_the_robot_with_the_cursor_of_its_curves() {
+    let loaded = loaded("lambda");
+    let model = &loaded.compiled.model;
+    let want = FieldSet::of(&[Field::Q, Field::SigmaMin]);
+    let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
+    let plan = Plan::new(model, &query).unwrap();
+    let mut workspace = Workspace::for_plans(model, [&plan]);
+    let mut of =
+        Motion { samples: 50_000, command: "sarrus simulate".to_owned(), ..Motion::default() };
+    let mut y = Vec::new();
+    for k in 0..5000 {
+        let time = f64::from(k) / 1000.0;
+        y.push(1.6 * (2.0 * time).sin());
+        let mut output = vec![0.0; plan.want().len()];
+        let answer = plan.run(model, &mut workspace, &[y[y.len() - 1]], &mut output);
+        assert_eq!(answer.status, Status::Ok);
+        let range = |field| plan.want().slot(field).unwrap().range();
+        of.times.push(time);
+        of.q.push(output[range(Field::Q)].to_vec());
+        of.sigma_min.push(output[range(Field::SigmaMin)][0]);
+    }
+    let limits = [Some(-1.5), Some(1.5)];
+    let curve = |name: &str, values: Vec<f64>| Curve { name: name.to_owned(), values, limits };
+    let gap = y.iter().map(|x| if *x > 1.0 { f64::NAN } else { x.abs() }).collect();
+    of.charts = vec![
+        Chart { title: "y, rad".to_owned(), log: false, curves: vec![curve("Elbow", y.clone())] },
+        Chart { title: "gap".to_owned(), log: true, curves: vec![curve("gap", gap)] },
+    ];
+    let text = motion(&loaded, &settings("lambda"), &of);
+    assert!(text.len() < 3_000_000 && references(&text) == 0);
+    let script = "
+        answer.points = run.times.length;
+        answer.deviation = deviation;
+        answer.charts = charts.length;
+        const middle = () => rods.map(([a, p]) => placed(view.worlds[a], p));
+        const far = (a, b) => Math.max(...a.map((p, k) => distance(p, b[k])));
+        const before = middle();
+        const slider = element('time');
+        const at = run.times.findIndex((t) => t > 0.4);
+        slider.value = at;
+        slider.dispatchEvent(new Event('input'));
+        answer.moved = far(before, middle()) / view.size;
+        answer.red = element('picture').className;
+        answer.words = element('status').textContent;
+        // the pointer on a curve takes the robot and the other curve along
+        const u = charts[0];
+        u.setCursor({ left: u.valToPos(run.times[at + 300], 'x'), top: 20 });
+        answer.followed = place - at - 300;
+        answer.other = charts[1].cursor.idx - place;
+        answer.clock = element('clock').textContent;
+        answer.wide = document.documentElement.scrollWidth - innerWidth;
+        answer.inside = [...document.querySelectorAll('.uplot')].every(
+            (of) => of.getBoundingClientRect().right <= innerWidth + 1);
+        view.draw();
+        const copy = document.createElement('canvas');
+        copy.width = copy.height = 200;
+        const context = copy.getContext('2d');
+        context.drawImage(view.canvas, 0, 0, 200, 200);
+        const all = context.getImageData(0, 0, 200, 200).data;
+        answer.painted = all.filter((x, k) => k % 4 === 3 && x > 100).length;
+        answer.labelled = slider.labels.length === 1 && slider.tabIndex === 0;
+    ";
+    for size in SIZES {
+        let Some(answer) = run_page("motion", &text, script, size, "") else { return };
+        println!("{size:?}: {answer}");
+        assert_eq!(answer["points"], 2000);
+        assert_eq!(answer["charts"], 2);
+        assert!(answer["deviation"].as_f64().unwrap() < 1e-12);
+        assert!(answer["moved"].as_f64().unwrap() > 0.02);
+        // 1.6 sin 0.8 is within the limits, the pose of the pointer is not
+        assert!(answer["followed"].as_f64().unwrap().abs() <= 2.0, "{answer}");
+        assert_eq!(answer["other"], 0);
+        assert!(answer["wide"].as_f64().unwrap() <= 0.0 && answer["inside"] == true);
+        assert!(answer["painted"].as_f64().unwrap() > 500.0);
+        assert_eq!(answer["labelled"], true);
+    }
 }

@@ -97,6 +97,13 @@ impl From<LoadError> for Failure {
     }
 }
 
+/// A robot's name as that of a file, which leads to no other folder.
+#[cfg(feature = "show")]
+pub(crate) fn file_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    name.chars().map(plain).collect()
+}
+
 /// Prints the outcome of a command; the exit code.
 pub(crate) fn conclude(command: &str, outcome: Outcome) -> ExitCode {
     match outcome.and_then(print_results) {

@@ -61,12 +61,32 @@ fn the_squeezer_arrives_from_the_command_line() {
     );
     assert_eq!(lines.len(), 5);
     assert!(lines[4].starts_with("0.03,15.87248508"), "{}", lines[4]);
+    // the page has the samples, the command, and no curves of forces beside a spring
     let page = std::fs::read_to_string(folder("squeezer").join("motion.html")).unwrap();
-    assert!(
-        page.contains("<svg") && !page.contains("<script") && !page.contains("http://www.example"),
-        "a page without pictures"
-    );
+    assert!(page.contains("\"samples\":4,") && page.contains("sarrus simulate --robot squeezer"));
+    assert!(page.contains("are not drawn beside springs") && !page.contains("Loop forces"));
     std::fs::remove_dir_all(folder("squeezer")).unwrap();
+}
+
+#[test]
+fn the_page_of_a_motion_has_forces_and_limits_and_stands_in_a_folder_of_its_own() {
+    let home = Folder::new("simulate-page");
+    let mut command = Command::new(sarrus());
+    command.args(["simulate", "--robot", "lambda", "--duration", "0.1", "--show"]);
+    let run = Run::of(command.current_dir(&home.0), b"");
+    assert_eq!((run.code, run.out.as_str()), (Some(0), "lambda-simulation/motion.html\n"));
+    let page = std::fs::read_to_string(home.0.join(run.out.trim())).unwrap();
+    let robot = page.split_once("const robot = ").unwrap().1.split_once(";</script>").unwrap().0;
+    let robot: Value = serde_json::from_str(robot).unwrap();
+    let charts = robot["run"]["charts"].as_array().unwrap();
+    let titles: Vec<&str> = charts.iter().map(|chart| chart["title"].as_str().unwrap()).collect();
+    for part in ["y, rad", "ẏ, rad/s", "u, m", "τ_u", "λ", "Energy, J", "should be zero"] {
+        assert!(titles.iter().any(|title| title.contains(part)), "{titles:?}");
+    }
+    assert_eq!(charts[0]["curves"][0]["name"], "Elbow");
+    assert_eq!(charts[0]["curves"][0]["upper"], 1.5);
+    assert_eq!(robot["run"]["checks"].as_array().unwrap().len(), 2);
+    assert!(page.len() < 3_000_000);
 }
 
 #[test]

@@ -70,6 +70,8 @@ enum Command {
     Top(top::Top),
     /// Run the rules on a recorded input, without buses.
     Replay(replay::Replay),
+    /// Decode a recorded input: position, velocity and effort of each actuator, a row each cycle.
+    Log(replay::Log),
     /// Print the frames on a bus, as `candump -L` does; nothing is sent.
     Listen(listen::Listen),
     /// Simulate the motors of a configuration, on pseudo-terminals or on its buses.
@@ -101,6 +103,7 @@ fn main() -> ExitCode {
         Command::Commission(commission) => commission.run(),
         Command::Top(top) => Ok(top.run()),
         Command::Replay(replay) => replay.run(),
+        Command::Log(log) => log.run(),
         Command::Listen(listen) => Ok(listen::run(&listen)),
         Command::Simulate(simulate) => simulate::run(&simulate),
     };

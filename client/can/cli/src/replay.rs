@@ -1,5 +1,5 @@
 //! `sarrus-can replay`: the rules on a recorded input, without buses. The frames go to stdout as
-//! `candump -L` writes them.
+//! `candump -L` writes them; of `sarrus-can log` the measured numbers do, as CSV.
 
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::PathBuf;
@@ -7,7 +7,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sarrus_can_core::bridge::Bridge;
+use sarrus_can_core::config::Configuration;
 use sarrus_can_core::log::{self, Line, What};
+use sarrus_client::actuators::{ActuatorCommand, MechanismState, Reason};
 
 /// Flags of `replay`.
 #[derive(Args)]
@@ -19,14 +21,90 @@ pub(crate) struct Replay {
     log: PathBuf,
 }
 
+/// Flags of `log`.
+#[derive(Args)]
+pub(crate) struct Log {
+    #[command(flatten)]
+    input: Replay,
+    /// Rows with commas between cells, the only form
+    #[arg(long)]
+    csv: bool,
+}
+
+impl Log {
+    /// A head, then a row each cycle; codes as of [`Replay::run`].
+    pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
+        let mut command = ActuatorCommand::default();
+        let mut is_first = true;
+        self.input.repeat("log", &mut |bridge, line, out| {
+            if std::mem::take(&mut is_first) {
+                writeln!(out, "{}", head(bridge.configuration()))?;
+            }
+            if let What::Command(given) = &line.what {
+                command = **given;
+            }
+            if !line.apply(bridge) {
+                return Ok(false);
+            }
+            if line.what == What::Cycle {
+                writeln!(out, "{}", row(bridge, &command, line.t))?;
+            }
+            Ok(true)
+        })
+    }
+}
+
+/// Names of the columns.
+fn head(configuration: &Configuration) -> String {
+    const PARTS: [&str; 8] = [
+        "position",
+        "velocity",
+        "effort",
+        "commanded_position",
+        "commanded_velocity",
+        "commanded_effort",
+        "state",
+        "reason",
+    ];
+    let cell = |name: String| match name.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name,
+    };
+    let names = configuration.actuators.iter();
+    let columns = names.flat_map(|name| PARTS.map(|part| cell(format!("{name}/{part}"))));
+    std::iter::once("time".to_owned()).chain(columns).collect::<Vec<_>>().join(",")
+}
+
+/// Time of a cycle `[s]`, and of each actuator its measurement, its command and its mechanism; an
+/// empty cell is no number.
+fn row(bridge: &Bridge, command: &ActuatorCommand, t: u64) -> String {
+    let state = bridge.state();
+    let number = |x: f64| if x.is_finite() { format!("{x:?}") } else { String::new() };
+    let mut cells = vec![format!("{}.{:09}", t / 1_000_000_000, t % 1_000_000_000)];
+    for k in 0..bridge.configuration().actuators.len() {
+        let of = [&state.position, &state.velocity, &state.effort];
+        let asked = [&command.position, &command.velocity, &command.effort];
+        cells.extend(of.into_iter().chain(asked).map(|list| number(list[k])));
+        cells.push(MechanismState::name_of(state.states[k]).to_owned());
+        cells.push(Reason::name_of(state.reasons[k]).to_owned());
+    }
+    cells.join(",")
+}
+
 impl Replay {
     /// 0; 1 for a faulty configuration or line, 2 for a file that cannot be opened.
     pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
+        self.repeat("replay", &mut step)
+    }
+
+    /// Does something with each line, which gives false for a state of another bridge.
+    fn repeat(&self, command: &str, each: &mut Each<'_>) -> Result<ExitCode, ExitCode> {
         let configuration = crate::configuration(&self.config)?;
         let shown = self.log.display();
         let log = std::fs::File::open(&self.log).map_err(|error| {
             eprintln!(
-                "sarrus-can replay: cannot open {shown}: {error}; give the path of a readable file"
+                "sarrus-can {command}: cannot open {shown}: {error}; give the path of a readable \
+                 file"
             );
             ExitCode::from(2)
         })?;
@@ -35,14 +113,14 @@ impl Replay {
         let replayed = BufReader::new(log).lines().enumerate().try_for_each(|(number, line)| {
             let line = line.map_err(|error| {
                 let fault = format!("cannot read {shown}: {error}; give the path of a text file");
-                Fault::Input(2, format!("sarrus-can replay: {fault}"))
+                Fault::Input(2, format!("sarrus-can {command}: {fault}"))
             })?;
             if line.trim().is_empty() {
                 return Ok(());
             }
             let line = Line::read(&line, bridge.configuration())
                 .map_err(|fault| Fault::Input(1, format!("{shown}:{}:1: {fault}", number + 1)))?;
-            match step(&mut bridge, &line, &mut out).map_err(Fault::Output)? {
+            match each(&mut bridge, &line, &mut out).map_err(Fault::Output)? {
                 true => Ok(()),
                 false => Err(Fault::Input(1, format!("{shown}:{}:1: {OTHER}", number + 1))),
             }
@@ -55,7 +133,7 @@ impl Replay {
                 Ok(ExitCode::SUCCESS)
             }
             Err(Fault::Output(error)) => {
-                eprintln!("sarrus-can replay: stdout: {error}");
+                eprintln!("sarrus-can {command}: stdout: {error}");
                 Err(ExitCode::from(2))
             }
             Err(Fault::Input(code, message)) => {
@@ -65,6 +143,9 @@ impl Replay {
         }
     }
 }
+
+/// Applies a line to a bridge and writes; false where the bridge does not take it.
+type Each<'a> = dyn FnMut(&mut Bridge, &Line, &mut dyn Write) -> io::Result<bool> + 'a;
 
 /// Why a replay ends early.
 enum Fault {
@@ -77,7 +158,7 @@ enum Fault {
 const OTHER: &str = "the state is of another configuration or version, expected those of the log";
 
 /// Applies one line, or gives false; the frames of a cycle are written.
-fn step(bridge: &mut Bridge, line: &Line, out: &mut impl Write) -> io::Result<bool> {
+fn step(bridge: &mut Bridge, line: &Line, out: &mut dyn Write) -> io::Result<bool> {
     let (faults, _) = bridge.faults();
     if !line.apply(bridge) {
         return Ok(false);

@@ -1,7 +1,4 @@
-//! The parts of a figure: axes, series, points; a page of figures alone.
-
-use super::html;
-use crate::Outcome;
+//! The parts of a figure: axes, series, points.
 
 /// Where an error of exactly zero is drawn on a logarithmic axis.
 pub const DRAWN_FOR_ZERO: f64 = 1e-17;
@@ -73,26 +70,4 @@ pub struct Point {
     pub y: f64,
     /// Its label, such as a tolerance; shown in the table.
     pub label: String,
-}
-
-/// A page of figures alone, such as of one motion.
-#[derive(Clone, Debug, Default)]
-pub struct Pictures {
-    /// The heading.
-    pub title: String,
-    /// The text below it.
-    pub lines: Vec<String>,
-    /// In their order.
-    pub figures: Vec<Figure>,
-}
-
-impl Pictures {
-    /// The page as self-contained HTML.
-    ///
-    /// # Errors
-    ///
-    /// A picture that cannot be drawn.
-    pub fn page(&self) -> Outcome<String> {
-        html::pictures(&self.title, &self.lines, &self.figures)
-    }
 }

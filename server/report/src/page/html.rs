@@ -23,19 +23,6 @@ pub(super) fn page(report: &Report) -> Outcome<String> {
     Ok(document("sarrus: error against run time, stress cases", &body))
 }
 
-/// A page of figures below a few lines of text.
-pub(super) fn pictures(title: &str, lines: &[String], figures: &[Figure]) -> Outcome<String> {
-    let figures = figures.iter().map(|figure| drawn(figure, None)).collect::<Outcome<Vec<_>>>()?;
-    let body = html! {
-        header {
-            h1 { (title) }
-            @for line in lines { p { (line) } }
-        }
-        section { div.figures { @for figure in &figures { (figure) } } }
-    };
-    Ok(document(title, &body))
-}
-
 /// The document around a body.
 fn document(title: &str, body: &Markup) -> String {
     let [rules, light, dark] = colours();
@@ -118,7 +105,7 @@ fn top(report: &Report) -> Markup {
 }
 
 fn one(report: &Report, section: &Section) -> Outcome<Markup> {
-    let figures = section.figures.iter().map(|figure| drawn(figure, Some((report, section))));
+    let figures = section.figures.iter().map(|figure| drawn(figure, report, section));
     let figures = figures.collect::<Outcome<Vec<_>>>()?;
     let nothing =
         section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
@@ -147,7 +134,7 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
 }
 
 /// A figure: legend, picture, title and source, its data.
-fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup> {
+fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup> {
     let wide = picture(figure, WIDE)?;
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
@@ -181,13 +168,11 @@ fn drawn(figure: &Figure, origin: Option<(&Report, &Section)>) -> Outcome<Markup
                 @if !figure.caption.is_empty() { p { (figure.caption) } }
                 @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand \
                     in the table." } }
-                @if let Some((report, section)) = origin {
-                    p.from { code { (report.command_of(section)) } " on " (report.machine) }
-                }
+                p.from { code { (report.command_of(section)) } " on " (report.machine) }
             }
             details {
                 summary { "Data: " (all) @if all == 1 { " point" } @else { " points" } }
-                @if origin.is_some() { p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } } }
+                p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } }
                 div.tall { (cells(&table)) }
             }
         }

@@ -14,7 +14,7 @@ mod section;
 #[cfg(test)]
 mod tests;
 
-pub use self::figure::{Axis, DRAWN_FOR_ZERO, Figure, Pictures, Point, Series};
+pub use self::figure::{Axis, DRAWN_FOR_ZERO, Figure, Point, Series};
 pub(crate) use self::pareto::{PEERS, exponent, pareto_front};
 pub use self::section::{Assessment, Case, Report, Section, Table};
 pub(crate) use self::section::{columns, command};

@@ -7,6 +7,7 @@ use crate::coordinates::{Coordinates, places};
 use crate::error::SimulationError;
 use crate::forces::inputs::{Input, OnTree};
 use crate::forces::springs::{Spring, Springs};
+use crate::run::output::Sample;
 
 /// A robot with its springs and inputs.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,25 @@ pub struct Setup<'a> {
 }
 
 impl Setup<'_> {
+    /// Forces of the inputs on the tree joints at each of these samples (n_v). Allocates.
+    ///
+    /// # Errors
+    /// As [`crate::simulate`], for inputs and springs that do not fit the robot.
+    pub fn forces<'s>(
+        &self,
+        samples: impl IntoIterator<Item = &'s Sample>,
+    ) -> Result<Vec<Vec<f64>>, SimulationError> {
+        let (_, inputs) = self.checked()?;
+        let of = |sample: &Sample| {
+            let mut tau_q = vec![0.0; self.compiled.model.sizes().n_v];
+            for input in &inputs {
+                input.add(sample.time, &sample.q, &sample.qd, &mut tau_q);
+            }
+            tau_q
+        };
+        Ok(samples.into_iter().map(of).collect())
+    }
+
     /// Springs and inputs whose numbers can be used.
     pub(crate) fn checked(&self) -> Result<(Springs, Vec<OnTree>), SimulationError> {
         let model = &self.compiled.model;

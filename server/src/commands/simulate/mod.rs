@@ -2,15 +2,17 @@
 
 mod input;
 mod output;
+mod page;
 
 use std::path::PathBuf;
 
 use clap::Args;
 use sarrus_models::Loaded;
 use sarrus_report::measure::progress::Progress;
-use sarrus_simulation::{Method, Run, Settings, Setup, SimulationError, Start, simulate};
+use sarrus_show::Settings as Show;
+use sarrus_simulation::{Method, Settings, Setup, SimulationError, Start, simulate};
 
-use super::output::{Failure, FormatFlag, Outcome, Results};
+use super::output::{Failure, FormatFlag, Outcome, Results, file_name};
 use super::robot::RobotFlags;
 use super::{Choices, choice};
 use input::{ForceFlags, Numbers};
@@ -57,9 +59,13 @@ pub(crate) struct Simulate {
     /// Simulates once more with other steps to estimate the error.
     #[arg(long)]
     estimate: bool,
-    /// The folder for motion.csv and motion.html.
-    #[arg(long, value_name = "DIR", default_value = "target/simulate")]
-    out: PathBuf,
+    /// The folder for motion.csv and motion.html; the default is the robot's name with
+    /// `-simulation`, here.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Prints nothing but the path of motion.html, the robot in motion beside its curves.
+    #[arg(long, conflicts_with = "format")]
+    show: bool,
     #[command(flatten)]
     format: FormatFlag,
 }
@@ -105,17 +111,9 @@ const METHODS: Choices<Method, 6> = [
 impl Simulate {
     pub(crate) fn run(self) -> Outcome {
         let loaded = self.robot.load_and_warn()?;
-        let run = self.simulate(&loaded).map_err(Failure::start)?;
-        let report = output::Report { loaded: &loaded, run: &run, method: self.method };
-        let files = report.write(&self.out).map_err(Failure::start)?;
-        let text = self.format.render(&report.value(&files), |_| report.summary(&files));
-        Ok(Results { text, code: u8::from(!run.end.is_finished()) })
-    }
-
-    fn simulate(&self, loaded: &Loaded) -> Result<Run, String> {
         let model = &loaded.compiled.model;
-        let inputs = self.forces.inputs(model)?;
-        let springs = self.forces.springs(model)?;
+        let inputs = self.forces.inputs(model).map_err(Failure::start)?;
+        let springs = self.forces.springs(model).map_err(Failure::start)?;
         let setup = Setup {
             description: &loaded.description,
             compiled: &loaded.compiled,
@@ -124,11 +122,22 @@ impl Simulate {
         };
         let progress = Progress::silent();
         let settings = self.settings();
-        let run = simulate(&setup, &self.start.start(loaded), &settings, &mut |time| {
+        let run = simulate(&setup, &self.start.start(&loaded), &settings, &mut |time| {
             progress.show("simulating", time / settings.duration)
         });
         progress.clear();
-        run.map_err(|error: SimulationError| error.to_string())
+        let run = run.map_err(|error: SimulationError| Failure::start(error.to_string()))?;
+        let report = output::Report { loaded: &loaded, run: &run, method: self.method };
+        let lines = Show::new(&self.robot.source(), &self.robot.options(), false);
+        let page = page::page(&report, &setup, &lines);
+        let usual = || PathBuf::from(file_name(model.name()) + "-simulation");
+        let folder = self.out.clone().unwrap_or_else(usual);
+        let files = report.write(&folder, page).map_err(Failure::start)?;
+        let text = match self.show {
+            true => files.last().map(|path| format!("{path}\n")).unwrap_or_default(),
+            false => self.format.render(&report.value(&files), |_| report.summary(&files)),
+        };
+        Ok(Results { text, code: u8::from(!run.end.is_finished()) })
     }
 
     fn settings(&self) -> Settings {

@@ -1,4 +1,4 @@
-//! The results of a simulation: a table, pictures, a summary.
+//! The results of a simulation: a table, a summary.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -6,12 +6,8 @@ use std::path::Path;
 
 use sarrus_models::Loaded;
 use sarrus_report::csv_rows::{self, LineEnd};
-use sarrus_report::page::{Axis, Figure, Pictures, Point, Series};
 use sarrus_simulation::{EventKind, Exceeded, Method, Run, Sample};
 use serde_json::{Value, json};
-
-/// Curves in one picture.
-const CURVES: usize = 8;
 
 /// A simulation and its robot.
 pub(super) struct Report<'a> {
@@ -22,17 +18,10 @@ pub(super) struct Report<'a> {
 
 impl Report<'_> {
     /// Writes motion.csv and motion.html; returns their paths.
-    pub(super) fn write(&self, folder: &Path) -> Result<Vec<String>, String> {
-        let Report { loaded, run, method } = self;
+    pub(super) fn write(&self, folder: &Path, page: String) -> Result<Vec<String>, String> {
         fs::create_dir_all(folder)
             .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))?;
-        let pictures = Pictures {
-            title: format!("{}, {}, {} s", loaded.description.name, method.name(), run.time),
-            lines: self.summary(&[]).lines().map(str::to_owned).collect(),
-            figures: figures(loaded, run),
-        };
-        let page = pictures.page().map_err(|error| error.to_string())?;
-        let files = [("motion.csv", csv(loaded, run)?), ("motion.html", page)];
+        let files = [("motion.csv", csv(self.loaded, self.run)?), ("motion.html", page)];
         let write = |(name, text): (&str, String)| {
             let path = folder.join(name);
             let written = fs::write(&path, text);
@@ -191,70 +180,6 @@ fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
     let cells = |sample| columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
     rows.extend(run.samples.iter().map(cells));
     csv_rows::write(&rows, LineEnd::Lf).map_err(|error| error.to_string())
-}
-
-/// Motion, velocity, energies, and the residuals that should be zero.
-fn figures(loaded: &Loaded, run: &Run) -> Vec<Figure> {
-    let model = &loaded.compiled.model;
-    let axis = |label: &str, log: bool| Axis { label: label.to_owned(), log };
-    let series = |name: &str, of: &dyn Fn(&Sample) -> f64| Series {
-        name: name.to_owned(),
-        line: true,
-        competes: false,
-        points: run
-            .samples
-            .iter()
-            .map(|sample| Point { x: sample.time, y: of(sample), label: String::new() })
-            .collect(),
-    };
-    let figure = |id: &str, title: &str, y: Axis, series: Vec<Series>| Figure {
-        id: id.to_owned(),
-        title: title.to_owned(),
-        x: axis("time, s", false),
-        y,
-        series,
-        ..Figure::default()
-    };
-    let curves = |names: &[String], list: fn(&Sample) -> &[f64]| -> Vec<Series> {
-        let one = |(k, name): (usize, &String)| {
-            series(name, &|sample| list(sample).get(k).copied().unwrap_or(f64::NAN))
-        };
-        names.iter().enumerate().take(CURVES).map(one).collect()
-    };
-    let start = run.samples.first().map_or(0.0, Sample::balance);
-    vec![
-        figure(
-            "position",
-            "Independent coordinates",
-            axis("rad, m", false),
-            curves(model.independent_q_names(), |sample| &sample.y),
-        ),
-        figure(
-            "velocity",
-            "Independent velocities",
-            axis("rad/s, m/s", false),
-            curves(model.independent_names(), |sample| &sample.yd),
-        ),
-        figure(
-            "energy",
-            "Energy and work",
-            axis("J", false),
-            vec![
-                series("kinetic", &|sample| sample.energy.kinetic),
-                series("potential", &|sample| sample.energy.potential),
-                series("work of inputs less losses", &|sample| sample.work),
-            ],
-        ),
-        figure(
-            "drift",
-            "What should be zero",
-            axis("J, scaled residual", true),
-            vec![
-                series("change of energy less work", &|sample| (sample.balance() - start).abs()),
-                series("loop residual", &|sample| sample.energy.residual),
-            ],
-        ),
-    ]
 }
 
 fn words(kind: &EventKind) -> String {

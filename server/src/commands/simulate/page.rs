@@ -1,0 +1,200 @@
+//! The page of a simulation: the curves beside the robot.
+
+use sarrus_dynamics::description::JointKind;
+use sarrus_dynamics::{Field, FieldSet, JointLimits, Plan, Query, Request, Status, Workspace};
+use sarrus_models::Loaded;
+use sarrus_show::{Chart, Curve, Motion, POINTS, Settings, motion, sparse};
+use sarrus_simulation::{Sample, Setup};
+
+use super::output::Report;
+
+/// Most rows of λ that are drawn.
+const ROWS: usize = 24;
+
+/// The page.
+pub(super) fn page(report: &Report<'_>, setup: &Setup<'_>, settings: &Settings) -> String {
+    let Report { loaded, run, .. } = report;
+    let samples: Vec<&Sample> =
+        sparse(run.samples.len(), POINTS).into_iter().filter_map(|k| run.samples.get(k)).collect();
+    let states = States::new(loaded, setup, &samples);
+    let mut texts: Vec<String> = report.summary(&[]).lines().map(str::to_owned).collect();
+    if let Some(first) = samples.first() {
+        texts.push(format!("start y = {:?}, yd = {:?}", first.y, first.yd));
+    }
+    if !setup.springs.is_empty() {
+        texts.push("loop and motor forces are not drawn beside springs between links".to_owned());
+    }
+    let quoted = |word: String| {
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:".contains(c);
+        if word.chars().all(is_plain) { word } else { format!("'{word}'") }
+    };
+    let words = std::env::args().skip(1).map(quoted).collect::<Vec<_>>().join(" ");
+    let page = Motion {
+        samples: run.samples.len(),
+        times: samples.iter().map(|sample| sample.time).collect(),
+        q: samples.iter().map(|sample| sample.q.clone()).collect(),
+        sigma_min: states.rows(Field::SigmaMin).concat(),
+        charts: charts(loaded, &samples, &states),
+        texts,
+        command: format!("sarrus {words}"),
+    };
+    motion(loaded, settings, &page)
+}
+
+/// Fields at each sample: NaN where it has no answer.
+struct States {
+    dynamics: Option<Vec<Vec<f64>>>,
+    motors: Option<Vec<Vec<f64>>>,
+    plans: [Option<Plan>; 2],
+}
+
+impl States {
+    /// Loop forces of the motion under its inputs; then the forces of the motors that give the same
+    /// motion.
+    fn new(loaded: &Loaded, setup: &Setup<'_>, samples: &[&Sample]) -> States {
+        use Field::{Lambda, QGuess, QdGuess, SigmaMin, TauQ, TauU, U, Y, Yd, Ydd};
+        let model = &loaded.compiled.model;
+        let has_loops = model.sizes().n_c > 0;
+        let state = FieldSet::of(if has_loops { &[Y, Yd, QGuess, QdGuess] } else { &[Y, Yd] });
+        let loops = FieldSet::of(if has_loops { &[Lambda, SigmaMin] } else { &[] });
+        let mut states = States { dynamics: None, motors: None, plans: [None, None] };
+        let forces = setup.forces(samples.iter().copied()).ok();
+        let Some(forces) = forces.filter(|_| setup.springs.is_empty()) else { return states };
+        let run = |query: &Query, extra: Field, rows: &[Vec<f64>]| {
+            let plan = Plan::new(model, query).ok()?;
+            let mut workspace = Workspace::for_plans(model, [&plan]);
+            let mut input = vec![0.0; plan.given().len()];
+            let mut of = |(sample, extra_row): (&&Sample, &Vec<f64>)| {
+                for (field, numbers) in [
+                    (Y, &sample.y),
+                    (Yd, &sample.yd),
+                    (QGuess, &sample.q),
+                    (QdGuess, &sample.qd),
+                    (extra, extra_row),
+                ] {
+                    if let Some(slot) = plan.given().slot(field) {
+                        input[slot.range()].copy_from_slice(numbers);
+                    }
+                }
+                let mut output = vec![f64::NAN; plan.want().len()];
+                let answer = plan.run(model, &mut workspace, &input, &mut output);
+                if answer.status != Status::Ok {
+                    output.fill(f64::NAN);
+                }
+                output
+            };
+            let rows = samples.iter().zip(rows).map(&mut of).collect::<Vec<_>>();
+            Some((plan, rows))
+        };
+        let query = Query::new(Request::ForwardDynamics, state.with(TauQ), loops.with(Ydd));
+        if let Some((plan, rows)) = run(&query, TauQ, &forces) {
+            let ydd = plan.want().slot(Ydd).map(|slot| slot.range()).unwrap_or_default();
+            let ydd: Vec<Vec<f64>> = rows.iter().map(|row| row[ydd.clone()].to_vec()).collect();
+            (states.plans[0], states.dynamics) = (Some(plan), Some(rows));
+            let want = FieldSet::of(&[U, TauU]);
+            let query = Query::new(Request::InverseDynamics, state.with(Ydd), want);
+            if let Some((plan, rows)) = run(&query, Ydd, &ydd) {
+                (states.plans[1], states.motors) = (Some(plan), Some(rows));
+            }
+        }
+        states
+    }
+
+    /// A field at each sample; none where it is not known.
+    fn rows(&self, field: Field) -> Vec<Vec<f64>> {
+        let both = [(&self.plans[0], &self.dynamics), (&self.plans[1], &self.motors)];
+        let of = |(plan, rows): (&Option<Plan>, &Option<Vec<Vec<f64>>>)| {
+            let range = plan.as_ref()?.want().slot(field)?.range();
+            Some(rows.as_ref()?.iter().map(|row| row[range.clone()].to_vec()).collect())
+        };
+        both.into_iter().find_map(of).unwrap_or_default()
+    }
+}
+
+/// Positions and velocities of the independents, motors, loops, energies, residual.
+fn charts(loaded: &Loaded, samples: &[&Sample], states: &States) -> Vec<Chart> {
+    let info = loaded.compiled.model.info();
+    let slides = |name: &str| {
+        let joint = name.split('/').next();
+        let of = |joint: &&sarrus_dynamics::description::Joint| joint.kind == JointKind::Prismatic;
+        let part = name.split_once('/').map_or("", |(_, part)| part);
+        let found = loaded.description.joints.iter().find(|of| Some(of.name.as_str()) == joint);
+        found.as_ref().is_some_and(of) || part.starts_with(['t', 'x', 'y', 'z'])
+    };
+    let limits = |name: &str| {
+        let row = info.tree.iter().position(|other| other == name);
+        row.and_then(|row| *info.limits.get(row)?)
+    };
+    let mut charts = Vec::new();
+    // one chart for each unit
+    let mut add =
+        |symbol: &str, units: [&str; 2], names: &[String], rows: &[Vec<f64>], of: Limit| {
+            for (unit, is_slide) in units.into_iter().zip([false, true]) {
+                let curve = |(k, name): (usize, &String)| {
+                    let values = rows.iter().map(|row| row.get(k).copied().unwrap_or(f64::NAN));
+                    let limits = limits(name).map_or([None; 2], of);
+                    Curve { name: name.clone(), values: values.collect(), limits }
+                };
+                let names = names.iter().enumerate().filter(|(_, name)| slides(name) == is_slide);
+                let curves: Vec<Curve> = names.map(curve).collect();
+                if !curves.is_empty() && !rows.is_empty() {
+                    charts.push(Chart { title: format!("{symbol}, {unit}"), log: false, curves });
+                }
+            }
+        };
+    let list = |of: fn(&Sample) -> &Vec<f64>| -> Vec<Vec<f64>> {
+        samples.iter().map(|sample| of(sample).clone()).collect()
+    };
+    add("y", ["rad", "m"], &info.independent_q, &list(|x| &x.y), |x| [x.lower, x.upper]);
+    add("ẏ", ["rad/s", "m/s"], &info.independent, &list(|x| &x.yd), |x| {
+        [x.velocity.map(|most| -most), x.velocity]
+    });
+    if info.active != info.independent {
+        add("u", ["rad", "m"], &info.active, &states.rows(Field::U), |x| [x.lower, x.upper]);
+    }
+    let tau_u = states.rows(Field::TauU);
+    add("τ_u of this motion", ["N m", "N"], &info.active, &tau_u, |x| {
+        [x.effort.map(|most| -most), x.effort]
+    });
+    charts.extend(loop_forces(&info.loops, &states.rows(Field::Lambda)));
+    let curve = |name: &str, of: &dyn Fn(&Sample) -> f64| Curve {
+        name: name.to_owned(),
+        values: samples.iter().map(|sample| of(sample)).collect(),
+        limits: [None; 2],
+    };
+    let start = samples.first().map_or(0.0, |sample| sample.balance());
+    let energies = vec![
+        curve("kinetic", &|x| x.energy.kinetic),
+        curve("potential", &|x| x.energy.potential),
+        curve("work of inputs less losses", &|x| x.work),
+    ];
+    let errors = vec![
+        curve("change of energy less work, J", &|x| (x.balance() - start).abs()),
+        curve("loop residual", &|x| x.energy.residual),
+    ];
+    charts.push(Chart { title: "Energy, J".to_owned(), log: false, curves: energies });
+    charts.push(Chart { title: "What should be zero".to_owned(), log: true, curves: errors });
+    charts
+}
+
+/// The limits of a curve from those of its joint.
+type Limit = fn(JointLimits) -> [Option<f64>; 2];
+
+/// λ, of many rows those that become largest.
+fn loop_forces(names: &[String], rows: &[Vec<f64>]) -> Option<Chart> {
+    let curve = |(k, name): (usize, &String)| Curve {
+        name: name.clone(),
+        values: rows.iter().map(|row| row[k]).collect(),
+        limits: [None; 2],
+    };
+    let mut curves: Vec<Curve> = names.iter().enumerate().map(curve).collect();
+    let size = |curve: &Curve| curve.values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    curves.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    curves.truncate(ROWS);
+    let count = match names.len() {
+        0..=ROWS => String::new(),
+        count => format!(", the largest {ROWS} of {count}"),
+    };
+    let title = format!("Loop forces λ, N and N m{count}");
+    (!rows.is_empty() && !curves.is_empty()).then(|| Chart { title, log: false, curves })
+}
