@@ -98,7 +98,7 @@ pub fn motion(loaded: &Loaded, settings: &Settings, motion: &Motion) -> String {
 pub fn sparse(count: usize, most: usize) -> Vec<usize> {
     let last = count.saturating_sub(1);
     let steps = last.min(most - 1);
-    let place = |k: usize| if steps == 0 { 0 } else { k * last / steps };
+    let place = |k: usize| (k * last).checked_div(steps).unwrap_or(0);
     (0..count.min(steps + 1)).map(place).collect()
 }
 

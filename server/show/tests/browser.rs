@@ -70,8 +70,8 @@ fn run_page(
     let dom = String::from_utf8_lossy(&output.stdout);
     let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap_or_else(|| panic!("{dom:.300}")).1;
     let answer = answer.split_once("</pre>").unwrap().0;
-    let answer: Value =
-        serde_json::from_str(&answer.replace("&lt;", "<").replace("&amp;", "&")).unwrap();
+    let plain = answer.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    let answer: Value = serde_json::from_str(&plain).unwrap();
     assert_eq!(answer["errors"], serde_json::json!([]), "{robot}");
     Some(answer)
 }

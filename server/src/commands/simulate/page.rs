@@ -196,5 +196,5 @@ fn loop_forces(names: &[String], rows: &[Vec<f64>]) -> Option<Chart> {
         count => format!(", the largest {ROWS} of {count}"),
     };
     let title = format!("Loop forces λ, N and N m{count}");
-    (!rows.is_empty() && !curves.is_empty()).then(|| Chart { title, log: false, curves })
+    (!rows.is_empty() && !curves.is_empty()).then_some(Chart { title, log: false, curves })
 }
