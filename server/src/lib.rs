@@ -114,10 +114,10 @@ enum Command {
     /// Integrate a robot in time: a table, a page, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
-    /// springs. Writes motion.csv, and motion.html with the robot beside its curves; prints the status, the run time, the drift of
-    /// energy and the events on the way. Ends with 0 when the whole time was simulated, 1 when the
-    /// robot's files are faulty or the motion ended early (the status names the reason), 2 for
-    /// wrong flags and files that cannot be opened.
+    /// springs. Writes motion.csv, and motion.html with the robot beside its curves; prints the
+    /// status, the run time, the drift of energy and the events on the way. Ends with 0 when the
+    /// whole time was simulated, 1 when the robot's files are faulty or the motion ended early (the
+    /// status names the reason), 2 for wrong flags and files that cannot be opened.
     #[cfg(feature = "simulate")]
     Simulate(Box<commands::simulate::Simulate>),
 }

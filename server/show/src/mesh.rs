@@ -279,7 +279,7 @@ mod tests {
         bytes.extend([0; 2]);
         assert_eq!(binary_stl(&bytes).unwrap(), corners);
         assert!(binary_stl(&bytes[..130]).is_none());
-        let text = "solid a\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0.5\n  vertex 1 0 0.5\n  \
+        let text = "solid a\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0.5\n  vertex 1 0 0.5\n \
                     vertex 0 2 2.5e-1\n endloop\nendfacet\nendsolid a\n";
         assert_eq!(text_stl(text.as_bytes()).unwrap(), corners);
         let text = "# a\nv 0 0 0.5\nv 1 0 0.5\nv 0 2 0.25\nvn 0 0 1\nf 1//1 2//1 -1//1\n";

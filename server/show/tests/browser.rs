@@ -290,7 +290,8 @@ fn a_pose_that_is_missing_has_a_red_outline_and_its_reason_in_words() {
         now.by = 'u';
         const before = [...now.answer.u];
         slide(0, before[0] + 50);
-        answer.motor = { status: element('status').dataset.status, words: element('status').textContent,
+        const spoken = element('status');
+        answer.motor = { status: spoken.dataset.status, words: spoken.textContent,
             red: element('picture').className === 'bad', kept: now.answer.u[0] === before[0] };
     ";
     for robot in ["bricard", "four_bars_2", "lambda"] {
@@ -369,12 +370,14 @@ fn shapes_of_a_urdf_stand_on_their_links() {
         <material name='red'><color rgba='1 0 0 1'/></material>
         <link name='base'><visual><geometry><box size='0.2 0.2 0.1'/></geometry></visual></link>
         <link name='arm'>
-          <inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>
+          <inertial><mass value='1'/>
+            <inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>
           <visual><origin xyz='0.3 0 0' rpy='0 1.5707963267948966 0'/>
             <geometry><cylinder radius='0.05' length='0.6'/></geometry></visual>
           <visual><origin xyz='0.6 0 0'/><geometry><sphere radius='0.1'/></geometry>
             <material name='red'/></visual>
-          <visual><geometry><mesh filename='package://arm/meshes/cube.obj' scale='0.1 0.1 0.1'/></geometry></visual>
+          <visual><geometry>
+            <mesh filename='package://arm/meshes/cube.obj' scale='0.1 0.1 0.1'/></geometry></visual>
           <visual><geometry><mesh filename='meshes/scene.dae'/></geometry></visual>
           <visual><geometry><mesh filename='meshes/none.stl'/></geometry></visual>
         </link>
