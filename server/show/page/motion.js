@@ -113,9 +113,9 @@ function ask(y, yd, ydd) {
 const motors = new Set(robot.u.map((of) => of.name));
 
 // the part of the straight way from one list of numbers to another up to which `holds`
-function reached(from, to, holds) {
+function reached(from, to, holds, halvings = 20) {
   let [low, high] = [0, 1];
-  for (let k = 0; k < 45; k++) {
+  for (let k = 0; k < halvings; k++) {
     const middle = (low + high) / 2;
     if (holds(from.map((x, i) => x + middle * (to[i] - x)))) low = middle;
     else high = middle;
@@ -126,10 +126,13 @@ function reached(from, to, holds) {
 // why there is no pose at y: the loops open on the way from a closed pose (`unreachable`), only
 // there (`singular_closure`), or neither is sure
 function reason(from, to) {
-  const part = reached(from, to, (y) => answered(pose, y).state !== 2);
+  const closes = (y) => answered(pose, y).state !== 2;
+  const last = from.map((x, i) => x + (1 - 1e-7) * (to[i] - x));
+  const part = closes(last) ? 1 - 1e-7 : reached(from, to, closes);
   const y = from.map((x, i) => x + part * (to[i] - x));
+  // it vanishes with the root of the distance
   const sigma = sigma_min(Float64Array.from(answered(pose, y).get("q")));
-  const status = !(sigma < 1e-3) ? "not_found" : part > 1 - 1e-7 ? "singular_closure" : "unreachable";
+  const status = !(sigma < 1e-2) ? "not_found" : part === 1 - 1e-7 ? "singular_closure" : "unreachable";
   return { status, y, sigma };
 }
 

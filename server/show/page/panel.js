@@ -174,7 +174,7 @@ function slide(k, value) {
     if (y) {
       set(y);
     } else {
-      const part = reached(from.u, u, (at) => independents(at, from.y) !== null);
+      const part = reached(from.u, u, (at) => independents(at, from.y) !== null, 10);
       now.status = "no_motors";
       now.why = `. On the way ${robot.u[k].name} comes to ${text(from.u[k] + part * (value - from.u[k]))}. The last pose stands.`;
       show(value, k);
