@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use sarrus_tests::python::environment;
 use serde_json::Value;
 
-use super::harness::{BUSES, Frontend, Process, Stage, sarrus_can, wait_for};
+use super::harness::{BUSES, Frontend, N_U, Process, Stage, sarrus_can, wait_for};
 use super::session::Session;
 
 fn replay(mut command: Command) -> String {
@@ -28,6 +28,25 @@ fn both_fronts_give_the_bytes_of_the_library_for_one_log() {
     let mut program = Command::new(sarrus_can());
     program.args(["replay", &stage.configuration, log]);
     assert!(replay(program) == session.frames, "the replay in Rust differs from the library");
+    // a row each cycle; the last has the positions of the library
+    let mut program = Command::new(sarrus_can());
+    program.args(["log", &stage.configuration, log, "--csv"]);
+    let table = replay(program);
+    assert_eq!(table.lines().count(), session.log.matches("\"cycle\":true").count() + 1);
+    let cells = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let [head, last] =
+        [table.lines().next(), table.lines().last()].map(|line| cells(line.unwrap()));
+    assert_eq!((head.len(), last.len()), (1 + 8 * N_U, 1 + 8 * N_U));
+    let named = |end: &str| -> Vec<&str> {
+        let pairs = head.iter().zip(&last).filter(|(name, _)| name.ends_with(end));
+        pairs.map(|(_, cell)| cell.as_str()).collect()
+    };
+    let positions: Vec<f64> =
+        named("/position").iter().map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
+    let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
+    assert!(positions.iter().zip(&session.positions()).all(same), "{positions:?}");
+    assert!(positions.iter().any(|x| x.is_finite()));
+    assert_eq!(named("/reason").len(), N_U);
 }
 
 #[test]

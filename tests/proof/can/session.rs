@@ -52,6 +52,11 @@ impl Session {
         }
     }
 
+    /// Measured position of each actuator after the last cycle.
+    pub(super) fn positions(&self) -> Vec<f64> {
+        self.bridge.state().position[..self.configuration.actuators.len()].to_vec()
+    }
+
     fn operate(&mut self, operation: Operation) {
         writeln!(self.log, "{}", json!({"t": self.now_ns, "operate": operation.name()})).unwrap();
         self.bridge.operate(self.now_ns, operation);
