@@ -218,6 +218,21 @@ fn rows_on_workers_of_dask_have_the_bits_of_one_process_also_when_a_worker_is_ki
 }
 
 #[test]
+fn a_log_of_a_bridge_becomes_mcap_and_moves_a_robot_in_a_browser() {
+    if environment().has_optional_packages() {
+        let folder = std::env::temp_dir().join(format!("sarrus-show-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        // warnings of viser itself are allowed
+        let mut command = environment().command(&[]);
+        command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/python/show.py"));
+        command.arg(&folder);
+        let text = run(command, "");
+        assert!(text.contains("bridge.mcap"), "{text}");
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
+
+#[test]
 fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
     // emulated processors that lack some or all of x86-64-v3, and one that has all of it
     let emulator = "qemu-x86_64";

@@ -94,6 +94,14 @@ pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
     Ok(assembled(include_str!("../page/page.html"), loaded, settings, robot, parts))
 }
 
+/// The robot as pages have it, in JSON: links with joints, inertia boxes and visuals, loops, limits.
+/// Allocates.
+pub fn description(loaded: &Loaded, settings: &Settings) -> String {
+    let mut robot = scene::scene(loaded, settings, &code::Code::default());
+    visuals::add(&mut robot, &loaded.description, settings, LONGEST);
+    robot.to_string()
+}
+
 /// A page from its template, the robot with its visuals, and scripts: before the robot, after the
 /// geometry, and after the view.
 fn assembled(

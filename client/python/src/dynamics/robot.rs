@@ -199,6 +199,14 @@ impl PyRobot {
         page.map_err(|error| PyValueError::new_err(error.to_string()))
     }
 
+    /// The links, joints and shapes of the page, as JSON.
+    #[pyo3(name = "_scene")]
+    fn scene(&self, py: Python<'_>) -> PyResult<String> {
+        let loaded = self.origin.get().load(py)?;
+        let (source, options, _) = self.origin.get().source()?;
+        Ok(sarrus_show::description(&loaded, &Settings::new(source, options, false)))
+    }
+
     /// Answers that came after the deadline; 0 in process.
     #[getter]
     fn late(&self, py: Python<'_>) -> PyResult<u64> {
