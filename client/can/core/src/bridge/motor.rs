@@ -166,7 +166,8 @@ impl Motor {
             None => 0.0,
         };
         // a second part whose first one was lost brings no position
-        if let Some(last) = self.measured_ns.filter(|last| !self.is_synchronous || *last != now_ns) {
+        if let Some(last) = self.measured_ns.filter(|last| !self.is_synchronous || *last != now_ns)
+        {
             let elapsed = now_ns.saturating_sub(last) as f64 * 1e-9;
             self.monitors.punctual.take(elapsed);
         }

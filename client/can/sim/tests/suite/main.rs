@@ -18,6 +18,7 @@ mod limits;
 mod moteus;
 mod motors;
 mod replay;
+mod robots;
 mod soak;
 mod stops;
 mod support;

@@ -1,6 +1,7 @@
-//! No false alarm, and every attack found: motors of all protocols that make quick moves from rest
-//! to rest, at 250 to 1000 Hz, while frames are lost, late, held back and cut off, with quiet and
-//! noisy encoders; each run ends with an attack at a random moment of the motion.
+//! No false alarm, and every attack found: motors of all protocols, alone or in bundled robots with
+//! closed mechanisms, that make quick moves from rest to rest, at 250 to 1000 Hz, while frames are
+//! lost, late, held back and cut off, with quiet and noisy encoders; each run ends with an attack at
+//! a random moment of the motion.
 //!
 //! Twenty minutes of the bridge's time; `SARRUS_SOAK_SECONDS=1000000` makes it more, from seed
 //! `SARRUS_SOAK_SEED` on, and stops after `SARRUS_SOAK_MINUTES`. Every false alarm prints its seed.
@@ -11,21 +12,22 @@ use std::time::{Duration, Instant};
 use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::Frame;
-use sarrus_proto::actuators::{MechanismState, Operation, Reason};
+use sarrus_proto::actuators::{MechanismState, Operation, Reason, flag};
 
 use crate::attack_table::drives;
 use crate::closed_loop::{DBC, DBC_FILE};
+use crate::robots::{self, Drawn, MARGIN};
 use crate::world::{Chance, Encoder, MS, Shaft, World};
 
-/// Time of the motion before the attack, and time to find it `[s]`.
-const QUIET_S: f64 = 20.0;
+/// Time of the motion before the attack, of a motor and of a robot, and time to find it `[s]`.
+const QUIET_S: [f64; 2] = [20.0, 60.0];
 const FOUND_S: f64 = 10.0;
-/// Greatest speed and effort of the configuration, and the part of both that a move needs.
+/// One seed in so many is of a robot.
+const ROBOTS: u64 = 10;
+/// Greatest speed and effort of a motor's configuration, and the part of both that a move needs.
 const SPEED: f64 = 5.0;
 const EFFORT: f64 = 2.0;
 const PART: f64 = 0.85;
-/// Least deceleration of a stop, SPEED in 0.4 s `[rad/s²]`.
-const BRAKE: f64 = SPEED / 0.4;
 /// Part of the way to a limit for which a stop is true by the codes of position and velocity.
 const CODES: f64 = 0.98;
 
@@ -56,32 +58,20 @@ pub(crate) fn all_drives() -> Vec<(&'static str, String)> {
     drives().into_iter().chain(more).collect()
 }
 
-/// A move from rest to rest.
+/// A move from rest to rest, by the part of its way.
 struct Move {
-    from: f64,
-    way: f64,
     begin_ns: u64,
     seconds: f64,
     is_smooth: bool,
 }
 
 impl Move {
-    /// A move to a random place, as quick as speed and effort allow, or slower.
-    fn new(world: &World, chance: &mut Chance, from: f64, load: f64) -> Move {
-        let shaft = &world.shafts[0];
-        let way = chance.within(-2.5, 2.5) - from;
-        let is_smooth = chance.within(0.0, 1.0) < 0.5;
-        // greatest speed and acceleration of a move of one second and one radian
-        let [speed, acceleration] = if is_smooth { [1.875, 5.78] } else { [2.0, 4.0] };
-        let carried = load.abs() + shaft.dry + shaft.friction * SPEED;
-        let most = (PART * EFFORT - carried) / shaft.inertia;
-        let by_speed = speed * way.abs() / (PART * SPEED);
-        let by_effort = (acceleration * way.abs() / most).sqrt();
-        let seconds = by_speed.max(by_effort).max(0.02) * chance.within(0.0, 1.0).exp();
-        Move { from, way, begin_ns: world.now_ns, seconds, is_smooth }
+    /// Greatest speed and acceleration of a move of one second and one radian.
+    fn greatest(is_smooth: bool) -> [f64; 2] {
+        if is_smooth { [1.875, 5.78] } else { [2.0, 4.0] }
     }
 
-    /// Position, velocity and acceleration.
+    /// Part of the way, its velocity and its acceleration.
     fn at(&self, now_ns: u64) -> [f64; 3] {
         let t = self.seconds;
         let x = ((now_ns - self.begin_ns) as f64 * 1e-9 / t).min(1.0);
@@ -96,7 +86,7 @@ impl Move {
         } else {
             [1.0 - 2.0 * (1.0 - x).powi(2), 4.0 * (1.0 - x), if x < 1.0 { -4.0 } else { 0.0 }]
         };
-        [self.from + self.way * part, self.way * speed / t, self.way * acceleration / (t * t)]
+        [part, speed / t, acceleration / (t * t)]
     }
 
     fn is_over(&self, now_ns: u64) -> bool {
@@ -104,52 +94,137 @@ impl Move {
     }
 }
 
-/// A motor, its motion and its troubles.
+/// What moves, and what is wanted of it.
+enum Body {
+    /// A motor with a weight that hangs from it.
+    Motor { load: f64 },
+    /// A robot: the box of its independents, and the inertia of each actuator.
+    Robot { half: &'static [f64], inertia: Vec<f64> },
+}
+
+/// Motors, their motion and their troubles.
 struct Run {
-    name: &'static str,
+    name: String,
     world: World,
     chance: Chance,
-    gains: [f64; 2],
+    body: Body,
+    /// How fast the controller is `[rad/s]`.
+    speed: f64,
     /// How true the inertia and friction of the controller are.
     knowledge: f64,
-    load: f64,
+    /// Where the move begins, and its way: of the shaft, or of the robot's independents.
+    from: Vec<f64>,
+    way: Vec<f64>,
     next: Move,
     rest_ns: u64,
+    /// It stays where it is from the next end of a move on.
+    rests: bool,
     /// Longest time for which answers are held back, and for which frames are cut off `[cycles]`.
     bursts: [u64; 2],
-    /// The fastest lately `[rad/s]`, and the greatest part of the way to a limit that a stop
-    /// needed.
+    /// The fastest lately, as part of the limit, and the greatest part of the way to a limit that a
+    /// stop needed.
     fastest: f64,
     braking: f64,
+    numbers: Vec<f64>,
 }
 
 /// Part of the way to the limit, and a quarter of its margin, that the least brake of the
 /// configuration needs: `position_limit` in the README.
 fn braking(shaft: &Shaft, period_ns: u64) -> f64 {
-    let speed = shaft.velocity.abs();
+    let [position, velocity] = shaft.at_actuator();
+    let limits = &shaft.limits;
     let delay = 0.04 + 4e-9 * period_ns as f64;
-    let room = 3.015 - shaft.position * shaft.velocity.signum();
-    speed * (0.5 * speed / BRAKE + delay) / room
+    let room = if velocity > 0.0 { limits.upper - position } else { position - limits.lower };
+    let room = room + 0.0025 * (limits.upper - limits.lower);
+    let speed = velocity.abs();
+    speed * (0.5 * speed * 0.4 / limits.velocity + delay) / room
+}
+
+fn some(chance: &mut Chance) -> bool {
+    chance.within(0.0, 1.0) < 0.6
 }
 
 impl Run {
     fn new(seed: u64, drives: &[(&'static str, String)]) -> Option<Run> {
         let mut chance = Chance(seed);
-        let (name, drive) = &drives[(chance.bits() % drives.len() as u64) as usize];
-        let rate = [250, 333, 500, 1000][(chance.bits() % 4) as usize];
-        let text = World::text(drive, "").replace("rate_hz: 250", &format!("rate_hz: {rate}"));
-        let mut world = World::read_beside(text, DBC_FILE);
+        if seed % ROBOTS == 1 {
+            Run::robot(seed, chance, drives)
+        } else {
+            let (name, drive) = &drives[(chance.bits() % drives.len() as u64) as usize];
+            let rate = [250, 333, 500, 1000][(chance.bits() % 4) as usize];
+            let text = World::text(drive, "").replace("rate_hz: 250", &format!("rate_hz: {rate}"));
+            let mut world = World::read_beside(text, DBC_FILE);
+            world.chance = Chance(seed ^ 0x00C0_FFEE);
+            let shaft = &mut world.shafts[0];
+            shaft.inertia = 0.004 * chance.within(0.0, 2.5).exp();
+            shaft.friction = chance.within(0.0, 0.02);
+            shaft.dry = if some(&mut chance) { chance.within(0.0, 0.05) } else { 0.0 };
+            shaft.quantum = if some(&mut chance) { 3.8e-4 * chance.within(0.05, 1.0) } else { 0.0 };
+            let load = if some(&mut chance) { chance.within(-0.6, 0.0) } else { 0.0 };
+            Run::begin(seed, chance, (*name).to_owned(), world, Body::Motor { load })
+        }
+    }
+
+    fn robot(seed: u64, mut chance: Chance, drives: &[(&'static str, String)]) -> Option<Run> {
+        let rates = [1000, 500, 333, 250];
+        let first = (chance.bits() % 4) as usize;
+        let drawn = |rate: u32| {
+            let mut chance = Chance(seed ^ 0x0B07);
+            let drawn = robots::draw(&mut chance, drives, rate);
+            World::of_robot(&drawn).map(|world| (drawn, world))
+        };
+        let (drawn, mut world) = rates[first..].iter().find_map(|rate| drawn(*rate))?;
+        let Drawn { name, half, inertia, drives, .. } = drawn;
         world.chance = Chance(seed ^ 0x00C0_FFEE);
+        let rotor = chance.within(0.01, 0.15);
+        let friction = chance.within(0.0, 0.03);
+        let dry = if some(&mut chance) { chance.within(0.0, 0.02) } else { 0.0 };
+        let quantum = if some(&mut chance) { 3.8e-4 * chance.within(0.05, 1.0) } else { 0.0 };
+        for shaft in &mut world.shafts {
+            let gear = shaft.mapping.gear;
+            let torque = shaft.limits.effort / (gear * shaft.mapping.torque_constant);
+            let square = gear * gear * shaft.mapping.torque_constant;
+            shaft.inertia = rotor * inertia[shaft.actuator] / square;
+            shaft.friction = friction * torque / (gear * shaft.limits.velocity);
+            (shaft.dry, shaft.quantum) = (dry * torque, quantum);
+        }
+        let name = format!("{name} on {drives:?}");
+        Run::begin(seed, chance, name, world, Body::Robot { half, inertia })
+    }
+
+    /// Arms, and then the troubles begin.
+    fn begin(
+        seed: u64,
+        mut chance: Chance,
+        name: String,
+        world: World,
+        body: Body,
+    ) -> Option<Run> {
         let period_ns = world.period_ns;
-        let some = |chance: &mut Chance| chance.within(0.0, 1.0) < 0.6;
-        let shaft = &mut world.shafts[0];
-        shaft.inertia = 0.004 * chance.within(0.0, 2.5).exp();
-        shaft.friction = chance.within(0.0, 0.02);
-        shaft.dry = if some(&mut chance) { chance.within(0.0, 0.05) } else { 0.0 };
-        shaft.quantum = if some(&mut chance) { 3.8e-4 * chance.within(0.05, 1.0) } else { 0.0 };
-        let load = if some(&mut chance) { chance.within(-0.6, 0.0) } else { 0.0 };
         let speed = chance.within(8.0, 25.0);
-        let gains = [shaft.inertia * speed * speed, 1.4 * shaft.inertia * speed];
+        let from = world.robot.as_ref().map_or(vec![0.0], |robot| robot.y.clone());
+        let next = Move { begin_ns: world.now_ns, seconds: 0.02, is_smooth: true };
+        let mut run = Run {
+            name,
+            chance: Chance(0),
+            body,
+            speed,
+            knowledge: 1.0,
+            way: vec![0.0; from.len()],
+            from,
+            next,
+            rest_ns: u64::MAX,
+            rests: false,
+            bursts: [0, 0],
+            fastest: 0.0,
+            braking: 0.0,
+            numbers: Vec::new(),
+            world,
+        };
+        if run.world.robot.is_some() {
+            run.command();
+        }
+        let world = &mut run.world;
         // the first report says in which turn it is; later the bridge learns how noisy it is
         world.cycles(100);
         world.noise = if some(&mut chance) { 0.0 } else { chance.within(0.0, 2.0) };
@@ -158,7 +233,9 @@ impl Run {
             world.arm().is_some()
         });
         if !armed {
-            println!("{name} at {rate} Hz is not armed: {:?}, seed {seed}", world.state(0));
+            let state: Vec<_> =
+                world.shafts.iter().map(|shaft| world.state(shaft.actuator)).collect();
+            println!("{} is not armed: {state:?}, seed {seed}", run.name);
             return None;
         }
         if some(&mut chance) {
@@ -169,46 +246,128 @@ impl Run {
             world.jitter_ns =
                 [most_ns, 3e6].map(|most: f64| (most * chance.within(0.0, 1.0)) as u64);
         }
-        let bursts =
-            if some(&mut chance) { [(6 * MS).max(3 * period_ns) / period_ns, 3] } else { [0, 0] };
-        let next =
-            Move { from: 0.0, way: 0.0, begin_ns: world.now_ns, seconds: 0.02, is_smooth: true };
-        let armed_ns = world.now_ns;
-        let knowledge = chance.within(0.8, 1.2);
-        Some(Run {
-            name,
-            world,
-            chance,
-            gains,
-            knowledge,
-            load,
-            next,
-            rest_ns: armed_ns + 800 * MS,
-            bursts,
-            fastest: 0.0,
-            braking: 0.0,
-        })
+        if some(&mut chance) {
+            run.bursts = [(6 * MS).max(3 * period_ns) / period_ns, 3];
+        }
+        run.next.begin_ns = world.now_ns;
+        run.rest_ns = world.now_ns + 800 * MS;
+        run.knowledge = chance.within(0.8, 1.2);
+        run.chance = chance;
+        Some(run)
+    }
+
+    /// Where the move is: of the shaft or the independents, its velocity and its acceleration.
+    fn wanted(&self) -> [Vec<f64>; 3] {
+        let [part, speed, acceleration] = self.next.at(self.world.now_ns);
+        let position = self.from.iter().zip(&self.way).map(|(from, way)| from + part * way);
+        let of = |factor: f64| self.way.iter().map(|way| factor * way).collect();
+        [position.collect(), of(speed), of(acceleration)]
+    }
+
+    /// A move to a random place, as quick as speed, effort and brakes allow, or slower.
+    fn go_on(&mut self) {
+        let [from, ..] = self.wanted();
+        let Run { world, chance, .. } = self;
+        let seconds;
+        let is_smooth;
+        match &self.body {
+            Body::Motor { load } => {
+                let shaft = &world.shafts[0];
+                let way = chance.within(-2.5, 2.5) - from[0];
+                is_smooth = chance.within(0.0, 1.0) < 0.5;
+                let [speed, acceleration] = Move::greatest(is_smooth);
+                let carried = load.abs() + shaft.dry + shaft.friction * SPEED;
+                let most = (PART * EFFORT - carried) / shaft.inertia;
+                let by_speed = speed * way.abs() / (PART * SPEED);
+                let by_effort = (acceleration * way.abs() / most).sqrt();
+                seconds = by_speed.max(by_effort).max(0.02) * chance.within(0.0, 1.0).exp();
+                self.way = vec![way];
+            }
+            Body::Robot { half, .. } => {
+                let to = half.iter().map(|half| half * chance.within(-1.0, 1.0));
+                self.way = to.zip(&from).map(|(to, from)| to - from).collect();
+                is_smooth = chance.within(0.0, 1.0) < 0.5;
+                let mut least = 0.1;
+                let robot = world.robot.as_mut().expect("a robot");
+                for k in 0..24 {
+                    // at its quickest places too
+                    let x = if is_smooth { f64::from(k) / 23.0 } else { f64::from(k / 2) / 11.5 };
+                    loop {
+                        let next = Move { begin_ns: 0, seconds: least, is_smooth };
+                        let [part, speed, acceleration] = next.at((x * least * 1e9) as u64);
+                        let of = |factor: f64| -> Vec<f64> {
+                            self.way.iter().map(|way| factor * way).collect()
+                        };
+                        let y: Vec<f64> = from
+                            .iter()
+                            .zip(&self.way)
+                            .map(|(from, way)| from + part * way)
+                            .collect();
+                        robot.efforts([&y, &of(speed), &of(acceleration)], &mut self.numbers);
+                        if robots::is_allowed(&world.shafts, &self.numbers, world.period_ns) {
+                            break;
+                        }
+                        least *= 1.1;
+                        assert!(least < 100.0, "{}: nowhere from {from:?}", self.name);
+                    }
+                }
+                seconds = least * chance.within(0.0, 1.0).exp();
+            }
+        }
+        self.from = from;
+        self.next = Move { begin_ns: world.now_ns, seconds, is_smooth };
+        let rest = if chance.bits() % 2 == 0 { chance.within(0.0, 0.5) } else { 0.0 };
+        self.rest_ns = world.now_ns + ((seconds + rest) * 1e9) as u64;
+    }
+
+    /// Gives the set-points of the move.
+    fn command(&mut self) {
+        let [position, velocity, acceleration] = self.wanted();
+        let Run { world, knowledge, speed, .. } = self;
+        match &self.body {
+            Body::Motor { load } => {
+                let shaft = &mut world.shafts[0];
+                // as a weight hangs from it
+                shaft.load = load * shaft.position.sin();
+                let [position, velocity] = [position[0], velocity[0]];
+                let moving = if velocity == 0.0 { 0.0 } else { shaft.dry * velocity.signum() };
+                let effort = shaft.inertia * acceleration[0] + shaft.friction * velocity + moving;
+                let torque = *knowledge * effort - load * position.sin();
+                let stiffness = shaft.inertia * *speed * *speed;
+                let damping = 1.4 * shaft.inertia * *speed;
+                world.give(Setpoint { position, velocity, torque, stiffness, damping });
+            }
+            Body::Robot { inertia, .. } => {
+                let acceleration: Vec<f64> =
+                    acceleration.iter().map(|of| *knowledge * of).collect();
+                let robot = world.robot.as_mut().expect("a robot");
+                robot.efforts([&position, &velocity, &acceleration], &mut self.numbers);
+                let n_u = inertia.len();
+                for (u, inertia) in inertia.iter().enumerate() {
+                    world.command.position[u] = self.numbers[u];
+                    world.command.velocity[u] = self.numbers[n_u + u];
+                    world.command.effort[u] = self.numbers[2 * n_u + u];
+                    world.command.stiffness[u] = inertia * *speed * *speed;
+                    world.command.damping[u] = 1.4 * inertia * *speed;
+                }
+            }
+        }
     }
 
     /// One cycle of the motion.
     fn cycle(&mut self) {
-        let Run { world, chance, next, .. } = self;
-        let now_ns = world.now_ns;
-        // as a weight hangs from it
-        world.shafts[0].load = self.load * world.shafts[0].position.sin();
-        if next.is_over(now_ns) && now_ns >= self.rest_ns {
-            let [place, ..] = next.at(now_ns);
-            *next = Move::new(world, chance, place, self.load);
-            let rest = if chance.bits() % 2 == 0 { chance.within(0.0, 0.5) } else { 0.0 };
-            self.rest_ns = now_ns + ((next.seconds + rest) * 1e9) as u64;
+        let now_ns = self.world.now_ns;
+        if self.next.is_over(now_ns) && now_ns >= self.rest_ns && !self.rests {
+            self.go_on();
         }
-        let [position, velocity, acceleration] = next.at(now_ns);
-        let shaft = &world.shafts[0];
-        let moving = if velocity == 0.0 { 0.0 } else { shaft.dry * velocity.signum() };
-        let effort = shaft.inertia * acceleration + shaft.friction * velocity + moving;
-        let [stiffness, damping] = self.gains;
-        let torque = self.knowledge * effort - self.load * position.sin();
-        world.give(Setpoint { position, velocity, torque, stiffness, damping });
+        self.command();
+        self.pass();
+    }
+
+    /// One cycle with the set-points as they are.
+    fn pass(&mut self) {
+        let Run { world, chance, .. } = self;
+        let now_ns = world.now_ns;
         // once in two seconds on average
         let [held, cut] = self.bursts;
         let period_ns = world.period_ns;
@@ -219,9 +378,12 @@ impl Run {
             }
         }
         world.cycle();
-        let fastest = 0.99 * self.fastest;
-        self.fastest = fastest.max(world.shafts[0].velocity.abs());
-        self.braking = (0.999 * self.braking).max(braking(&world.shafts[0], period_ns));
+        (self.fastest, self.braking) = (0.99 * self.fastest, 0.999 * self.braking);
+        for shaft in &world.shafts {
+            let [_, velocity] = shaft.at_actuator();
+            self.fastest = self.fastest.max(velocity.abs() / shaft.limits.velocity);
+            self.braking = self.braking.max(braking(shaft, period_ns));
+        }
     }
 
     /// Runs until something is found, or for this time; the reason.
@@ -229,57 +391,284 @@ impl Run {
         let end_ns = self.world.now_ns + (seconds * 1e9) as u64;
         while self.world.now_ns < end_ns {
             self.cycle();
-            let (state, reason) = self.world.state(0);
-            if state != MechanismState::Enabled {
+            if let Some((_, reason)) = self.world.stopped() {
                 return Some(reason);
             }
         }
         None
     }
+
+    /// Whether an alarm is none: the motion went beyond its limits.
+    fn is_true(&self, reason: Reason) -> bool {
+        let is_beyond = |shaft: &Shaft| {
+            let [position, _] = shaft.at_actuator();
+            let margin = 0.01 * (shaft.limits.upper - shaft.limits.lower);
+            position > shaft.limits.upper + margin || position < shaft.limits.lower - margin
+        };
+        match reason {
+            Reason::VelocityLimit => self.fastest > 1.05,
+            Reason::PositionLimit => {
+                self.world.shafts.iter().any(is_beyond) || self.braking > CODES
+            }
+            _ => false,
+        }
+    }
+
+    /// Its power goes, and it lies on something.
+    fn disarm(&mut self) {
+        self.world.operate(Operation::Disarm);
+        self.rests = true;
+        let end_ns = self.world.now_ns + 1_000 * MS;
+        while self.world.now_ns < end_ns {
+            self.cycle();
+        }
+        if let Body::Motor { load } = &mut self.body {
+            (*load, self.world.shafts[0].velocity) = (0.0, 0.0);
+        }
+        while self.world.now_ns < end_ns + 500 * MS {
+            self.cycle();
+        }
+    }
+
+    /// A fifth of a second.
+    fn pause(&mut self, mut each: impl FnMut(&mut World)) {
+        let end_ns = self.world.now_ns + 200 * MS;
+        while self.world.now_ns < end_ns {
+            each(&mut self.world);
+            self.cycle();
+        }
+    }
+
+    /// Asks for power until this time is over; whether some motor got it, or the reason against it.
+    fn is_refused(
+        &mut self,
+        seconds: f64,
+        mut each: impl FnMut(&mut World),
+    ) -> Result<Reason, String> {
+        self.world.operate(Operation::Reset);
+        self.cycle();
+        self.world.operate(Operation::Arm);
+        let end_ns = self.world.now_ns + (seconds * 1e9) as u64;
+        let mut reason = Reason::None;
+        while self.world.now_ns < end_ns {
+            each(&mut self.world);
+            self.cycle();
+            let (state, why) = self.world.state(0);
+            reason = why;
+            if state == MechanismState::Enabled {
+                return Err("it was armed".to_owned());
+            }
+        }
+        Ok(reason)
+    }
 }
 
-type Attack = fn(&mut World, &mut Chance);
+/// What an attack led to: the time until it was found `[ms]`, or what went wrong; `None` where it
+/// cannot be made.
+type Outcome = Option<Result<f64, String>>;
+type Attack = fn(&mut Run) -> Outcome;
+
+/// Changes the world, and waits until that is found.
+fn found(run: &mut Run, change: impl FnOnce(&mut World, &mut Chance)) -> Outcome {
+    // in a cycle that asks the motor, whose frames a second master repeats
+    while run.world.bridge.frames(0).iter().all(|frame| frame.data().len() < 3) {
+        run.cycle();
+    }
+    let attacked_ns = run.world.now_ns;
+    change(&mut run.world, &mut run.chance);
+    Some(match run.until(FOUND_S) {
+        Some(_) => Ok((run.world.now_ns - run.world.period_ns - attacked_ns) as f64 / MS as f64),
+        None => Err("not found".to_owned()),
+    })
+}
+
+/// As [`found`], of one of the shafts.
+fn found_of(run: &mut Run, change: fn(&mut Shaft, &mut Chance)) -> Outcome {
+    found(run, |world, chance| {
+        let i = (chance.bits() % world.shafts.len() as u64) as usize;
+        change(&mut world.shafts[i], chance);
+    })
+}
 
 const ATTACKS: &[(&str, Attack)] = &[
-    ("encoder jumps", |world, chance| {
-        let by = chance.within(0.2, 3.0) * if chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
-        world.shafts[0].encoder = Encoder::Off(by);
+    ("encoder jumps", |run| {
+        found_of(run, |shaft, chance| {
+            let by = chance.within(0.2, 3.0) * if chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
+            shaft.encoder = Encoder::Off(by);
+        })
     }),
-    ("encoder reversed", |world, _| world.shafts[0].encoder = Encoder::Reversed),
-    ("position frozen", |world, _| freeze(world, false)),
-    ("position and velocity frozen", |world, _| freeze(world, true)),
-    ("limp", |world, _| world.shafts[0].stuck = Some(0.0)),
-    ("pushes", |world, chance| world.shafts[0].stuck = Some(chance.within(3.0, 9.0))),
-    ("two motors on one id", |world, _| world.shafts[0].is_doubled = true),
-    ("second master", |world, _| {
-        let frame = world.bridge.frames(0).iter().find(|frame| frame.data().len() > 2);
-        world.intruder = frame.and_then(|frame| {
-            let mut data = frame.data().to_vec();
-            data[1] ^= 0x55;
-            let rate =
-                frame.kind == sarrus_can_core::frame::FrameKind::Fd { bit_rate_switch: true };
-            match frame.is_fd() {
-                true => Frame::fd(frame.id, rate, &data),
-                false => Frame::classic(frame.id, &data),
+    ("encoder reversed", |run| found_of(run, |shaft, _| shaft.encoder = Encoder::Reversed)),
+    ("position frozen", |run| found_of(run, |shaft, _| freeze(shaft, false))),
+    ("position and velocity frozen", |run| found_of(run, |shaft, _| freeze(shaft, true))),
+    ("limp", |run| found_of(run, |shaft, _| shaft.stuck = Some(0.0))),
+    ("pushes", |run| found_of(run, |shaft, chance| shaft.stuck = Some(chance.within(3.0, 9.0)))),
+    ("two motors on one id", |run| found_of(run, |shaft, _| shaft.is_doubled = true)),
+    ("second master", |run| {
+        found(run, |world, _| {
+            let frame = world.bridge.frames(0).iter().find(|frame| frame.data().len() > 2);
+            world.intruder = frame.and_then(|frame| {
+                let mut data = frame.data().to_vec();
+                data[1] ^= 0x55;
+                let rate =
+                    frame.kind == sarrus_can_core::frame::FrameKind::Fd { bit_rate_switch: true };
+                match frame.is_fd() {
+                    true => Frame::fd(frame.id, rate, &data),
+                    false => Frame::classic(frame.id, &data),
+                }
+            });
+        })
+    }),
+    ("silence", |run| found_of(run, |shaft, _| shaft.motor.silence(true))),
+    ("150 °C", |run| found_of(run, |shaft, _| shaft.temperature = 150.0)),
+    ("blocked", |run| found_of(run, |shaft, _| shaft.is_blocked = true)),
+    ("error-passive", |run| {
+        found(run, |world, chance| {
+            let i = (chance.bits() % world.shafts.len() as u64) as usize;
+            world.event(world.shafts[i].bus, BusEvent::ErrorPassive);
+        })
+    }),
+    ("frozen while a load is held", |run| {
+        if !comes_to_rest(run) {
+            return Some(Err("no rest".to_owned()));
+        }
+        let i = (run.chance.bits() % run.world.shafts.len() as u64) as usize;
+        let actuator = run.world.shafts[i].actuator;
+        if run.world.bridge.state().flags[actuator] & flag::FROZEN_UNDETECTABLE != 0 {
+            return None;
+        }
+        found(run, |world, _| freeze(&mut world.shafts[i], true))
+    }),
+    ("hot while a load is held", |run| {
+        if !comes_to_rest(run) {
+            return Some(Err("no rest".to_owned()));
+        }
+        let before: Vec<[f64; 2]> = run.world.shafts.iter().map(Shaft::at_actuator).collect();
+        let outcome = found_of(run, |shaft, _| shaft.temperature = 115.0);
+        // it holds its load until the end of the stop
+        while run.world.stopped().is_some_and(|(state, _)| state == MechanismState::Stopping) {
+            for (shaft, [position, _]) in run.world.shafts.iter().zip(&before) {
+                let [now, _] = shaft.at_actuator();
+                let range = shaft.limits.upper - shaft.limits.lower;
+                if shaft.motor.plant.power && (now - position).abs() > 0.05 * range {
+                    return Some(Err(format!("it sank by {}", now - position)));
+                }
             }
-        });
+            run.cycle();
+        }
+        outcome
     }),
-    ("silence", |world, _| world.shafts[0].motor.silence(true)),
-    ("150 °C", |world, _| world.shafts[0].temperature = 150.0),
-    ("blocked", |world, _| world.shafts[0].is_blocked = true),
-    ("error-passive", |world, _| world.event(0, BusEvent::ErrorPassive)),
+    ("into a limit", |run| {
+        if run.world.robot.is_some() || run.name.contains("position") {
+            return None;
+        }
+        let side = if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
+        let speed = run.chance.within(0.3, 0.95) * SPEED;
+        let begin_ns = run.world.now_ns;
+        let mut at = None;
+        while run.world.now_ns < begin_ns + 12_000 * MS {
+            let shaft = &run.world.shafts[0];
+            if side * shaft.position > 3.03 {
+                return Some(Err(format!("{} rad at {} rad/s", shaft.position, shaft.velocity)));
+            }
+            let lag = side * speed - shaft.velocity;
+            let torque =
+                (20.0 * shaft.inertia * lag - shaft.load).clamp(-0.9 * EFFORT, 0.9 * EFFORT);
+            run.world.give(Setpoint { torque, ..Setpoint::default() });
+            run.world.shafts[0].load = match run.body {
+                Body::Motor { load } => load * run.world.shafts[0].position.sin(),
+                Body::Robot { .. } => 0.0,
+            };
+            run.pass();
+            if run.world.stopped().is_some() && at.is_none() {
+                at = Some((run.world.now_ns - begin_ns) as f64 / MS as f64);
+            }
+        }
+        at.map(Ok)
+    }),
+    ("zero moves without power", |run| {
+        run.disarm();
+        let by = run.chance.within(0.2, 3.0) * if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
+        run.world.shafts[0].encoder = Encoder::Off(by);
+        run.pause(|_| ());
+        Some(match run.is_refused(1.0, |_| ()) {
+            Ok(Reason::PositionChanged) => Ok(0.0),
+            Ok(reason) => Err(format!("refused by {}", reason.name())),
+            Err(what) => Err(what),
+        })
+    }),
+    ("armed in motion", |run| {
+        if run.world.robot.is_some() {
+            return None;
+        }
+        run.disarm();
+        let speed = run.chance.within(0.05, 0.9) * SPEED;
+        let side = -run.world.shafts[0].position.signum();
+        // from side to side
+        let mut turn = |world: &mut World| {
+            let shaft = &mut world.shafts[0];
+            let is_far = shaft.position.abs() > 2.0;
+            let way = if is_far { -shaft.position.signum() } else { shaft.velocity.signum() };
+            shaft.velocity = speed * if shaft.velocity == 0.0 { side } else { way };
+        };
+        run.pause(&mut turn);
+        Some(match run.is_refused(0.5, turn) {
+            Ok(Reason::Moving | Reason::PositionChanged) => Ok(0.0),
+            Ok(reason) => Err(format!("refused by {}", reason.name())),
+            Err(what) => Err(what),
+        })
+    }),
+    ("old feedback while it is armed", |run| {
+        run.disarm();
+        let delay_ns = (run.chance.within(30.0, 200.0) * 1e6) as u64;
+        run.world.shafts.iter_mut().for_each(|shaft| shaft.delay_ns = delay_ns);
+        let begin_ns = run.world.now_ns;
+        run.rests = false;
+        run.rest_ns = run.world.now_ns;
+        // motors that measure without being asked are armed, and stopped once they move
+        if run.is_refused(1.0, |_| ()).is_ok() {
+            return Some(Ok(0.0));
+        }
+        let outcome = run.until(FOUND_S);
+        let ms = (run.world.now_ns - begin_ns) as f64 / MS as f64;
+        Some(outcome.map(|_| ms).ok_or("not found".to_owned()))
+    }),
+    ("commands for another robot", |run| {
+        found(run, |world, _| {
+            world.command.fingerprint ^= 1;
+            world.is_stranger = true;
+        })
+    }),
+    ("second encoder slips", |run| {
+        run.world.robot.as_ref()?.encoder()?;
+        found(run, |world, chance| {
+            let by = MARGIN * chance.within(1.5, 4.0);
+            world.slip = if chance.bits() % 2 == 0 { by } else { -by };
+        })
+    }),
 ];
 
-fn freeze(world: &mut World, velocity_too: bool) {
-    let position = world.shafts[0].position;
-    world.shafts[0].encoder = Encoder::Frozen { position, velocity_too };
+/// It holds where it is, with its set-points at rest for half a second.
+fn comes_to_rest(run: &mut Run) -> bool {
+    run.rests = true;
+    let last_ns = run.world.now_ns.max(run.next.begin_ns + (run.next.seconds * 1e9) as u64);
+    while run.world.now_ns < last_ns + 500 * MS {
+        run.cycle();
+    }
+    run.world.stopped().is_none()
 }
 
-/// Whether a protocol can show an attack; see the blind spots of the README.
+fn freeze(shaft: &mut Shaft, velocity_too: bool) {
+    shaft.encoder = Encoder::Frozen { position: shaft.position, velocity_too };
+}
+
+/// Whether a protocol can show an attack; see the blind spots of the README. A robot has more than
+/// one way to find it, and one motor that cannot show it is enough not to make it.
 fn is_possible(attack: &str, drive: &str) -> bool {
     let has_efforts = !["rmd", "vesc", "ak_servo", "dbc"].iter().any(|name| drive.contains(name));
     match attack {
-        "150 °C" => !["cia402", "dbc", "cheetah"].iter().any(|name| drive.contains(name)),
+        "150 °C" | "hot while a load is held" => {
+            !["cia402", "dbc", "cheetah"].iter().any(|name| drive.contains(name))
+        }
         "two motors on one id" => {
             !["odrive", "rmd", "vesc", "ak_servo", "dbc"].iter().any(|name| drive.contains(name))
         }
@@ -289,32 +678,31 @@ fn is_possible(attack: &str, drive: &str) -> bool {
     }
 }
 
-#[test]
-fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
-    let first = number("SARRUS_SOAK_SEED", 1);
-    let n_runs = number("SARRUS_SOAK_SECONDS", 1200).div_ceil(QUIET_S as u64);
-    let end = Instant::now() + Duration::from_secs(60 * number("SARRUS_SOAK_MINUTES", 60));
-    let drives = all_drives();
-    let mut seconds = 0.0;
-    let mut n_fast = 0;
-    let mut false_alarms = Vec::new();
-    let mut unfound = Vec::new();
-    let mut times: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    let mut next = first;
-    while next < first + n_runs && Instant::now() < end {
-        let seed = next;
-        next += 1;
-        let Some(mut run) = Run::new(seed, &drives) else {
-            false_alarms.push(format!("seed {seed}: not armed"));
-            continue;
+/// What the runs have shown.
+#[derive(Default)]
+struct Tally {
+    /// Of motors, and of robots `[s]`.
+    seconds: [f64; 2],
+    n_fast: usize,
+    false_alarms: Vec<String>,
+    unfound: Vec<String>,
+    times: BTreeMap<String, Vec<f64>>,
+}
+
+impl Tally {
+    fn run(&mut self, seed: u64, drives: &[(&'static str, String)]) {
+        let Some(mut run) = Run::new(seed, drives) else {
+            self.false_alarms.push(format!("seed {seed}: not armed"));
+            return;
         };
+        let kind = usize::from(run.world.robot.is_some());
         let begin_ns = run.world.now_ns;
-        let quiet = QUIET_S + run.chance.within(0.0, 2.0);
+        let quiet = QUIET_S[kind] + run.chance.within(0.0, 2.0);
         let alarm = run.until(quiet);
-        seconds += (run.world.now_ns - begin_ns) as f64 * 1e-9;
+        self.seconds[kind] += (run.world.now_ns - begin_ns) as f64 * 1e-9;
         let about = format!(
             "seed {seed}, {} at {} Hz, loss {:.3}, jitter {:?} µs, noise {:.1}, bursts {:?}, \
-                fastest {:.2} rad/s, braking {:.3}",
+                fastest {:.3}, braking {:.3}",
             run.name,
             1_000_000_000 / run.world.period_ns,
             run.world.loss,
@@ -324,47 +712,52 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
             run.fastest,
             run.braking,
         );
-        let is_true = match alarm {
-            Some(Reason::VelocityLimit) => run.fastest > 1.05 * SPEED,
-            Some(Reason::PositionLimit) => {
-                run.world.shafts[0].position.abs() > 3.03 || run.braking > CODES
-            }
-            _ => false,
-        };
-        if is_true {
-            n_fast += 1;
-            continue;
-        }
         if let Some(reason) = alarm {
+            if run.is_true(reason) {
+                self.n_fast += 1;
+                return;
+            }
             let t = (run.world.now_ns - begin_ns) as f64 * 1e-9;
             println!("{} after {t:.3} s: {about}", reason.name());
-            false_alarms.push(format!("{} {about}", reason.name()));
-            continue;
+            self.false_alarms.push(format!("{} {about}", reason.name()));
+            return;
         }
-        let (attack, apply) = &ATTACKS[(run.chance.bits() % ATTACKS.len() as u64) as usize];
-        if !is_possible(attack, run.name) {
-            continue;
+        let (attack, make) = &ATTACKS[(run.chance.bits() % ATTACKS.len() as u64) as usize];
+        if !is_possible(attack, &run.name) {
+            return;
         }
-        // in a cycle that asks the motor, whose frames a second master repeats
-        while run.world.bridge.frames(0).iter().all(|frame| frame.data().len() < 3) {
-            run.cycle();
-        }
-        let attacked_ns = run.world.now_ns;
-        apply(&mut run.world, &mut run.chance);
-        match run.until(FOUND_S) {
-            Some(_) => {
-                let ms = (run.world.now_ns - run.world.period_ns - attacked_ns) as f64 / MS as f64;
-                times.entry(attack).or_default().push(ms);
+        match make(&mut run) {
+            None => {}
+            Some(Ok(ms)) => {
+                let of = if kind == 0 { "" } else { ", robot" };
+                self.times.entry(format!("{attack}{of}")).or_default().push(ms);
             }
-            None => {
-                println!("not found: {attack}, {about}");
-                unfound.push(format!("{attack}, {about}"));
+            Some(Err(what)) => {
+                println!("{attack}: {what}, {about}");
+                self.unfound.push(format!("{attack}: {what}, {about}"));
             }
         }
     }
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
+    let first = number("SARRUS_SOAK_SEED", 1);
+    let [motor, robot] = QUIET_S;
+    let mean = motor + (robot - motor) / ROBOTS as f64;
+    let n_runs = (number("SARRUS_SOAK_SECONDS", 1200) as f64 / mean).ceil() as u64;
+    let end = Instant::now() + Duration::from_secs(60 * number("SARRUS_SOAK_MINUTES", 60));
+    let drives = all_drives();
+    let mut tally = Tally::default();
+    let mut next = first;
+    while next < first + n_runs && Instant::now() < end {
+        tally.run(next, &drives);
+        next += 1;
+    }
+    let Tally { seconds: [motors, robots], n_fast, false_alarms, unfound, mut times } = tally;
     println!(
-        "{seconds:.0} s of the bridge's time, seeds {first} to {}, {} false alarms, {n_fast} runs ended \
-            by a true excess, {} attacks not found",
+        "{motors:.0} s of motors and {robots:.0} s of robots, seeds {first} to {}, {} false alarms, {n_fast} runs \
+            ended by a true excess, {} attacks not found",
         next - 1,
         false_alarms.len(),
         unfound.len()
@@ -373,7 +766,7 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
         times.sort_by(f64::total_cmp);
         let at = |part: f64| times[((times.len() - 1) as f64 * part) as usize];
         println!(
-            "{attack:30} {:6} times, found after p50 {:.0} ms, p99 {:.0} ms, at most {:.0} ms",
+            "{attack:40} {:6} times, found after p50 {:.0} ms, p99 {:.0} ms, at most {:.0} ms",
             times.len(),
             at(0.5),
             at(0.99),
@@ -381,4 +774,12 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
         );
     }
     assert!(false_alarms.is_empty() && unfound.is_empty(), "{false_alarms:#?} {unfound:#?}");
+}
+
+#[test]
+fn parts_of_answers_whose_first_one_was_lost_are_no_lateness() {
+    // a CiA 402 drive at 1000 Hz with 1.7 % loss and 2.3 ms of jitter
+    let mut run = Run::new(311_550, &all_drives()).expect("a run that is armed");
+    assert!(run.name == "cia402 torque" && run.world.period_ns == MS, "{}", run.name);
+    assert_eq!(run.until(20.0), None);
 }

@@ -14,6 +14,8 @@ use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
 use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, MechanismState, Operation, Reason};
 
+use crate::robots::{self, Drawn, ENCODER_ID, ENCODER_STEP, Robot};
+
 pub(crate) const MS: u64 = 1_000_000;
 /// Time from a cycle to the motors, and from their answers to the bridge `[ns]`.
 const THERE_NS: u64 = 100_000;
@@ -102,10 +104,20 @@ impl Shaft {
         }
     }
 
-    fn turn(&mut self, seconds: f64) {
+    /// Position and velocity of its actuator.
+    pub(crate) fn at_actuator(&self) -> [f64; 2] {
+        let part = self.mapping.sign / self.mapping.gear;
+        [part * self.position + self.mapping.offset, part * self.velocity]
+    }
+
+    /// Takes the torque of the motor.
+    fn drive(&mut self) {
         let (position, velocity) = self.sensed();
         self.motor.plant.carry(position, velocity);
         self.torque = self.stuck.unwrap_or(self.motor.plant.drive_torque());
+    }
+
+    fn turn(&mut self, seconds: f64) {
         if self.is_blocked {
             self.velocity = 0.0;
             return;
@@ -191,6 +203,13 @@ pub(crate) struct World {
     pub(crate) intruder: Option<Frame>,
     /// Where it is recorded.
     pub(crate) record: Option<Record>,
+    /// The robot that its shafts move; `None` where each has a load of its own.
+    pub(crate) robot: Option<Robot>,
+    /// By how much the encoder of the robot is wrong, and its frames on their way.
+    pub(crate) slip: f64,
+    pub(crate) told: VecDeque<(u64, Frame)>,
+    /// Commands are made for another robot.
+    pub(crate) is_stranger: bool,
 }
 
 impl World {
@@ -248,7 +267,32 @@ impl World {
             held_until_ns: 0,
             intruder: None,
             record: None,
+            robot: None,
+            slip: 0.0,
+            told: VecDeque::new(),
+            is_stranger: false,
         }
+    }
+
+    /// The motors of a robot; `None` where a bus is too slow for them.
+    pub(crate) fn of_robot(drawn: &Drawn) -> Option<World> {
+        let surroundings = Surroundings {
+            file: &|_| Err("absent".into()),
+            robot: &|_| robots::loaded(drawn.name),
+        };
+        let read = Configuration::read("robot.yml", drawn.text.clone().into(), &surroundings);
+        let configuration = match read {
+            Ok(configuration) => configuration,
+            Err(report) if report.to_string().contains("load") => return None,
+            Err(report) => panic!("{report}\n{}", drawn.text),
+        };
+        let robot = Robot::new(configuration.model.clone()?, drawn.encoder);
+        let mut world = World::new(configuration, 1);
+        for shaft in &mut world.shafts {
+            [shaft.position, shaft.velocity] = robot.shaft(shaft);
+        }
+        world.robot = Some(robot);
+        Some(world)
     }
 
     /// The configuration of one motor of a drive, as the first one on a bench: 250 Hz, ± 3 rad,
@@ -290,15 +334,25 @@ impl World {
         let cycle_ns = begin_ns + later(&mut self.chance, late_ns);
         self.command.sequence += 1;
         self.command.stamp_ns = cycle_ns;
-        assert_eq!(self.bridge.command(cycle_ns, &self.command), CommandVerdict::Accepted);
+        let verdict = match self.is_stranger {
+            true => CommandVerdict::WrongModel,
+            false => CommandVerdict::Accepted,
+        };
+        assert_eq!(self.bridge.command(cycle_ns, &self.command), verdict);
         self.note(cycle_ns, What::Command(Box::new(self.command)));
         self.put(cycle_ns, What::Cycle);
+        if let Some(robot) = &mut self.robot {
+            let states = &self.bridge.state().states;
+            let follows = states.contains(&(MechanismState::Enabled as u32));
+            let has_power = self.shafts.iter().any(|shaft| shaft.motor.plant.power);
+            robot.is_held = !follows && (robot.is_held || !has_power);
+        }
 
         // to the motors
         let mut out = FrameQueue::new(64);
         for i in 0..self.shafts.len() {
             let mut sent: Vec<Frame> = self.bridge.frames(self.shafts[i].bus).to_vec();
-            sent.extend(self.intruder);
+            sent.extend(self.intruder.filter(|_| self.shafts[i].bus == 0));
             let heard_ns = cycle_ns + THERE_NS;
             for frame in &sent {
                 if self.chance.within(0.0, 1.0) < self.loss || heard_ns < self.lost_until_ns {
@@ -317,8 +371,8 @@ impl World {
         let end_ns = begin_ns + self.period_ns;
         while self.now_ns < end_ns {
             self.now_ns = (self.now_ns + STEP_NS).min(end_ns);
+            self.turn(STEP_NS as f64 * 1e-9);
             for i in 0..self.shafts.len() {
-                self.shafts[i].turn(STEP_NS as f64 * 1e-9);
                 self.shafts[i].say(self.noise, &mut self.chance);
                 self.shafts[i].motor.tick(self.now_ns, &mut out);
                 self.collect(i, self.now_ns, &mut out, back_ns);
@@ -330,7 +384,41 @@ impl World {
                     self.put(at_ns, What::Frame(self.shafts[i].bus, frame));
                 }
             }
+            while let Some((at_ns, frame)) = self.told.front().copied() {
+                if at_ns > self.now_ns {
+                    break;
+                }
+                self.told.pop_front();
+                self.put(at_ns, What::Frame(0, frame));
+            }
         }
+        self.tell(back_ns);
+    }
+
+    /// The shafts turn under the torques of their motors.
+    fn turn(&mut self, seconds: f64) {
+        self.shafts.iter_mut().for_each(Shaft::drive);
+        let Some(robot) = &mut self.robot else {
+            return self.shafts.iter_mut().for_each(|shaft| shaft.turn(seconds));
+        };
+        robot.step(&self.shafts, seconds);
+        for shaft in &mut self.shafts {
+            [shaft.position, shaft.velocity] = robot.shaft(shaft);
+        }
+    }
+
+    /// The encoder of the robot reports.
+    fn tell(&mut self, back_ns: u64) {
+        let Some(angle) = self.robot.as_ref().and_then(Robot::encoder) else { return };
+        let at_ns = self.now_ns + BACK_NS + self.chance.within(0.0, back_ns as f64) as u64;
+        let at_ns = at_ns.max(self.held_until_ns);
+        let at_ns = self.told.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
+        if self.chance.within(0.0, 1.0) < self.loss || self.now_ns < self.lost_until_ns {
+            return;
+        }
+        let [low, high] = (((angle + self.slip) / ENCODER_STEP).round() as i16).to_le_bytes();
+        let frame = Frame::classic(Id::Standard(ENCODER_ID), &[0, low, high]);
+        self.told.extend(frame.map(|frame| (at_ns, frame)));
     }
 
     fn collect(&mut self, i: usize, now_ns: u64, out: &mut FrameQueue, back_ns: u64) {
@@ -410,6 +498,12 @@ impl World {
             }
         }
         None
+    }
+
+    /// The first of the actuators that does not follow, by its state and reason.
+    pub(crate) fn stopped(&self) -> Option<(MechanismState, Reason)> {
+        let states = self.shafts.iter().map(|shaft| self.state(shaft.actuator));
+        states.into_iter().find(|(state, _)| *state != MechanismState::Enabled)
     }
 
     /// Commands all actuators alike.
