@@ -23,12 +23,15 @@ impl Bridge {
                 Mode::Velocity => false,
             };
             let Motor { measured, last_position, .. } = motor;
+            // own loops answer each set-point with a stroke, of which a report shows one moment
+            let tells_effort = !motor.config.common.mode.has_own_loops();
             model.measure(
                 actuator,
                 Measured {
                     position: measured.position,
                     velocity: measured.velocity,
-                    effort: measured.effort,
+                    effort: if tells_effort { measured.effort } else { f64::NAN },
+                    measured_ns: motor.measured_ns.unwrap_or(0),
                     setpoint: is_held.then_some(*last_position),
                 },
             );

@@ -50,6 +50,9 @@ use motor::Motor;
 /// A reset is repeated for this long to motors that keep a fault `[ns]`.
 const RESET_NS: u64 = 1_000_000_000;
 
+/// An uneven cycle is forgotten after some hundred cycles.
+const UNEVEN: u64 = 64;
+
 /// The bridge between commands and motors of one robot.
 #[derive(Debug)]
 pub struct Bridge {
@@ -72,6 +75,8 @@ pub struct Bridge {
     /// Since when a reset of each mechanism is under way `[ns]`.
     reset_ns: Vec<Option<u64>>,
     last_cycle_ns: Option<u64>,
+    /// By how much cycles were longer or shorter than a period, lately at most `[ns]`.
+    uneven_ns: u64,
     state: ActuatorState,
     counters: Counters,
     faults: u64,
@@ -134,6 +139,7 @@ impl Bridge {
             commanded: false,
             reset_ns,
             last_cycle_ns: None,
+            uneven_ns: 0,
             state,
             counters: Counters::default(),
             faults: 0,
@@ -224,7 +230,8 @@ impl Bridge {
 
     /// One cycle: assesses, decides, and makes the frames to be sent now.
     pub fn cycle(&mut self, now_ns: u64) {
-        let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.saturating_sub(last));
+        // a clock that goes backwards is one that stood still for ever
+        let gap_ns = self.last_cycle_ns.map_or(0, |last| now_ns.wrapping_sub(last));
         self.last_cycle_ns = Some(now_ns);
         self.counters.cycles += 1;
         self.buses.iter_mut().for_each(Bus::begin);
@@ -237,8 +244,12 @@ impl Bridge {
         // a deadline was missed
         let period_ns = self.configuration.period_ns();
         if gap_ns > 2 * period_ns {
-            self.motors.iter_mut().for_each(|motor| motor.own_late_ns += gap_ns - period_ns);
+            for motor in &mut self.motors {
+                motor.own_late_ns = motor.own_late_ns.saturating_add(gap_ns - period_ns);
+            }
         }
+        self.uneven_ns -= self.uneven_ns / UNEVEN;
+        self.uneven_ns = self.uneven_ns.max(gap_ns.abs_diff(period_ns).min(period_ns));
         for motor in &mut self.motors {
             motor.is_silent = motor.is_stale(now_ns, feedback_ns);
             motor.ask_drive();

@@ -64,6 +64,7 @@ impl State for Bridge {
             commanded,
             reset_ns,
             last_cycle_ns,
+            uneven_ns,
             state: _,
             counters: _,
             faults: _,
@@ -80,5 +81,6 @@ impl State for Bridge {
         commanded.carry(words);
         reset_ns.carry(words);
         last_cycle_ns.carry(words);
+        uneven_ns.carry(words);
     }
 }

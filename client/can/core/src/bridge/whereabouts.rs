@@ -3,9 +3,10 @@
 //! A motor whose supply is away may come back with another zero, and one that is turned meanwhile
 //! with another turn. Its position is compared with the last one that was trusted, also over a new
 //! start of the bridge: it may differ by the margin of a position limit and by twice the way at the
-//! greater of the two reported speeds, and where reports follow each other by the way at 1.2 times
-//! its greatest speed. Beyond that it is not trusted until it is back, or until an operator
-//! confirms it; nothing is armed before.
+//! greater of the two reported speeds, and where reports follow each other by the way at a quarter
+//! of its greatest speed, or at 1.2 times where it reports none. Beyond that it is not trusted
+//! until it is back, however long that takes, or until an operator confirms it; nothing is armed
+//! before.
 
 use crate::mapping::ActuatorMeasurement;
 use crate::state::state;
@@ -80,6 +81,8 @@ impl Whereabouts {
         if (measured.position - before.position).abs() <= way {
             self.trust(measured_ns, measured);
         } else {
+            // it moves from here on, and time explains no more of the way
+            self.trusted = Some(Place { measured_ns, speed: 0.0, ..before });
             self.is_elsewhere = true;
         }
     }

@@ -5,6 +5,8 @@ use crate::settings::Key;
 
 /// A time or a size beyond every sensible one.
 pub(super) const LARGE: f64 = 1e9;
+/// A size below every sensible one.
+pub(super) const LEAST: f64 = 1e-9;
 
 pub(super) const TOP: &[Key] = &[
     Key::text("robot", "a bundled robot").optional(),
@@ -29,7 +31,7 @@ pub(super) const MECHANISM: &[Key] = &[
         .optional(),
     Key::number("stop_ms", 1.0, 10_000.0, "time to come to a standstill").optional(),
     Key::number("hold_ms", 0.0, 600_000.0, "longest time of holding or lowering").optional(),
-    Key::number("lower_velocity", 1e-9, LARGE, "greatest speed of lowering, rad/s or m/s")
+    Key::number("lower_velocity", LEAST, LARGE, "greatest speed of lowering, rad/s or m/s")
         .optional(),
 ];
 pub(super) const TIMEOUTS: &[Key] = &[
@@ -69,7 +71,7 @@ pub(super) const ENCODER: &[Key] = &[
     Key::number("scale", -LARGE, LARGE, "what one step is, rad or m"),
     Key::number("offset", -LARGE, LARGE, "where the joint is when the number is 0, rad or m")
         .or("0"),
-    Key::number("margin", 1e-9, LARGE, "by how much it may contradict the motors, rad or m"),
+    Key::number("margin", LEAST, LARGE, "by how much it may contradict the motors, rad or m"),
 ];
 pub(super) const BUS: &[Key] = &[
     Key::text("name", "what motors call it"),
@@ -83,7 +85,7 @@ pub(super) const MOTOR: &[Key] = &[
     Key::text("actuator", "the actuator that it drives"),
     Key::text("bus", "the bus that it is on"),
     Key::integer("sign", -1, 1, "-1 where actuator and motor go against each other").or("1"),
-    Key::number("gear", 1e-9, LARGE, "the motor's turn for the actuator's, rad/rad or rad/m")
+    Key::number("gear", LEAST, LARGE, "the motor's turn for the actuator's, rad/rad or rad/m")
         .or("1"),
     Key::number(
         "offset",
@@ -94,7 +96,7 @@ pub(super) const MOTOR: &[Key] = &[
     .optional(),
     Key::number(
         "torque_constant",
-        1e-9,
+        LEAST,
         LARGE,
         "true torque for the torque that the protocol says",
     )
@@ -115,9 +117,9 @@ pub(super) const MOTOR: &[Key] = &[
         .or("read_back"),
 ];
 pub(super) const LIMITS: &[Key] = &[
-    Key::number("velocity", 1e-9, LARGE, "greatest speed, rad/s or m/s"),
-    Key::number("effort", 0.0, LARGE, "greatest effort, N m or N"),
-    Key::number("effort_rate", 1e-9, 1e15, "greatest change of the effort, N m/s or N/s")
+    Key::number("velocity", LEAST, LARGE, "greatest speed, rad/s or m/s"),
+    Key::number("effort", LEAST, LARGE, "greatest effort, N m or N"),
+    Key::number("effort_rate", LEAST, 1e15, "greatest change of the effort, N m/s or N/s")
         .optional(),
 ];
 

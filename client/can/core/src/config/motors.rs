@@ -4,7 +4,7 @@ use sarrus_models::yaml::{self, Node, quoted};
 use sarrus_proto::actuators::MAX_ACTUATORS;
 
 use super::configuration::{BusConfig, Limits, MotorConfig};
-use super::keys::{LIMITS, MOTOR};
+use super::keys::{LARGE, LEAST, LIMITS, MOTOR};
 use super::reader::{Read, Reader, Robot};
 use super::values::MonitorBounds;
 use crate::mapping::Mapping;
@@ -90,7 +90,9 @@ impl Reader<'_, '_> {
         }
         let position = yaml::numbers::<2>(node, "`limits`", "position", self.diagnostics);
         let Some((written, [lower, upper])) = written.zip(position) else { return Limits::NONE };
-        if lower >= upper {
+        // as far apart as the least of all other numbers
+        let is_range = upper - lower >= LEAST && lower.abs().max(upper.abs()) <= LARGE;
+        if !is_range {
             let found = format!("the position limits are [{lower}, {upper}]");
             self.diagnostics.error(node.span, found, "lower < upper", "correct them");
         }

@@ -21,6 +21,7 @@ mod replay;
 mod robots;
 mod soak;
 mod stops;
+mod strangers;
 mod support;
 mod swing;
 mod world;

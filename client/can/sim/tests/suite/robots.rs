@@ -64,8 +64,6 @@ pub(crate) struct Robot {
     output: Vec<f64>,
     system: Cholesky,
     side: Vec<f64>,
-    /// Brakes hold it: until its motors follow, and without power.
-    pub(crate) is_held: bool,
     /// The place in q of the joint with an encoder.
     encoder: Option<usize>,
 }
@@ -101,7 +99,6 @@ impl Robot {
             output: vec![0.0; state.want().len()],
             system: Cholesky::new(n),
             side: vec![0.0; n],
-            is_held: true,
             encoder: joint,
             plan: state,
             model,
@@ -153,7 +150,7 @@ impl Robot {
     /// (M_y + Gᵀ (R + h D) G) ẏ⁺ = M_y ẏ + Gᵀ (R u̇ + h τ) − h c
     /// ```
     pub(crate) fn step(&mut self, shafts: &[Shaft], h: f64) {
-        if self.is_held {
+        if shafts.iter().all(|shaft| shaft.is_braked) {
             self.yd.fill(0.0);
             let places = &self.places;
             self.output[places.ud..places.ud + self.model.sizes().n_u].fill(0.0);
@@ -173,7 +170,8 @@ impl Robot {
             let [_, velocity] = self.actuator(shaft.actuator);
             let still = STILL * shaft.limits.velocity;
             let dry = shaft.dry * mapping.gear * mapping.torque_constant;
-            let blocked = if shaft.is_blocked { 1e9 * shaft.inertia } else { 0.0 };
+            let is_blocked = shaft.is_blocked || shaft.is_braked;
+            let blocked = if is_blocked { 1e9 * shaft.inertia } else { 0.0 };
             let damping = square * (shaft.friction + blocked) + dry / velocity.abs().max(still);
             let weight = square * shaft.inertia + h * damping;
             let effort = mapping.sign * mapping.gear * mapping.torque_constant * shaft.torque;
@@ -207,15 +205,23 @@ impl Robot {
         answer.ok().unwrap_or_else(|status| panic!("{status:?} at {y:?}"));
     }
 
-    /// The inertia that an actuator feels where all others give way, 1 / (G M⁻¹ Gᵀ).
+    /// The inertia that an actuator feels where all others stand still, (G⁻ᵀ M G⁻¹)_uu.
     fn inertia(&mut self, u: usize) -> f64 {
         let n = self.y.len();
-        self.system.matrix.copy_from_slice(&self.output[self.places.mass..][..n * n]);
+        self.system.matrix.fill(0.0);
+        for u in 0..self.n_u() {
+            let row = &self.output[self.places.jacobian + u * n..][..n];
+            for i in 0..n {
+                for j in 0..n {
+                    self.system.matrix[i * n + j] += row[i] * row[j];
+                }
+            }
+        }
         assert!(self.system.factorise());
-        let row = self.row(u).to_vec();
-        let mut side = row.clone();
-        self.system.solve(&mut side);
-        1.0 / row.iter().zip(&side).map(|(a, b)| a * b).sum::<f64>()
+        let mut way = self.row(u).to_vec();
+        self.system.solve(&mut way);
+        let mass = &self.output[self.places.mass..][..n * n];
+        (0..n).map(|i| way[i] * (0..n).map(|j| mass[i * n + j] * way[j]).sum::<f64>()).sum()
     }
 }
 
@@ -261,6 +267,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
     let mut gravity = vec![0.0_f64; n_u];
     let mut numbers = Vec::new();
     let zero = vec![0.0; kind.half.len()];
+    let home: Vec<f64> = (0..n_u).map(|u| robot.actuator(u)[0]).collect();
     let n_corners = 1 << kind.half.len();
     for k in 0..n_corners + 32 {
         for (i, half) in kind.half.iter().enumerate() {
@@ -308,11 +315,12 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
         let (lower, upper) = (low - margin, high + margin);
         let velocity = (high - low) / chance.within(0.8, 2.0);
         let effort = 2.0 * gravity[u] + inertia[u] * velocity / 0.25;
-        let gear = 2.0 * chance.within(6.0, 11.0) / (upper - lower);
+        // some motors know their turn at the first report by being at most half a turn from 0
+        let offset = home[u];
+        let gear = chance.within(6.0, 11.0) / (upper - offset).max(offset - lower);
         let bus = u % n_buses;
         let (_, drive) = of_bus[bus];
         let sign = if chance.bits() % 2 == 0 { 1 } else { -1 };
-        let offset = 0.5 * (lower + upper);
         let torque_constant = effort / (gear * MOTOR_EFFORT);
         text += &format!(
             "- actuator: {name}\n  bus: b{bus}\n  drive: {}\n  sign: {sign}\n  gear: {gear}\n  \

@@ -23,7 +23,7 @@ use crate::world::{Chance, Encoder, MS, Shaft, World};
 const QUIET_S: [f64; 2] = [20.0, 60.0];
 const FOUND_S: f64 = 10.0;
 /// One seed in so many is of a robot.
-const ROBOTS: u64 = 10;
+const ROBOTS: u64 = 25;
 /// Greatest speed and effort of a motor's configuration, and the part of both that a move needs.
 const SPEED: f64 = 5.0;
 const EFFORT: f64 = 2.0;
@@ -193,13 +193,7 @@ impl Run {
     }
 
     /// Arms, and then the troubles begin.
-    fn begin(
-        seed: u64,
-        mut chance: Chance,
-        name: String,
-        world: World,
-        body: Body,
-    ) -> Option<Run> {
+    fn begin(seed: u64, mut chance: Chance, name: String, world: World, body: Body) -> Option<Run> {
         let period_ns = world.period_ns;
         let speed = chance.within(8.0, 25.0);
         let from = world.robot.as_ref().map_or(vec![0.0], |robot| robot.y.clone());
@@ -343,10 +337,14 @@ impl Run {
                 let robot = world.robot.as_mut().expect("a robot");
                 robot.efforts([&position, &velocity, &acceleration], &mut self.numbers);
                 let n_u = inertia.len();
-                for (u, inertia) in inertia.iter().enumerate() {
+                for shaft in &world.shafts {
+                    let u = shaft.actuator;
+                    let inertia = inertia[u];
+                    let velocity = self.numbers[n_u + u];
+                    let drag = shaft.drag(velocity);
                     world.command.position[u] = self.numbers[u];
-                    world.command.velocity[u] = self.numbers[n_u + u];
-                    world.command.effort[u] = self.numbers[2 * n_u + u];
+                    world.command.velocity[u] = velocity;
+                    world.command.effort[u] = self.numbers[2 * n_u + u] + *knowledge * drag;
                     world.command.stiffness[u] = inertia * *speed * *speed;
                     world.command.damping[u] = 1.4 * inertia * *speed;
                 }

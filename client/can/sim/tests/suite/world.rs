@@ -12,7 +12,7 @@ use sarrus_can_core::log::{self, Line, What};
 use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
-use sarrus_proto::actuators::{ActuatorCommand, MAX_ACTUATORS, MechanismState, Operation, Reason};
+use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation, Reason};
 
 use crate::robots::{self, Drawn, ENCODER_ID, ENCODER_STEP, Robot};
 
@@ -75,6 +75,8 @@ pub(crate) struct Shaft {
     /// Step of its encoder; 0 where it is exact `[rad]`.
     pub(crate) quantum: f64,
     pub(crate) is_blocked: bool,
+    /// The brake of a robot's motor holds it.
+    pub(crate) is_braked: bool,
     /// The motor's torque with any set-point.
     pub(crate) stuck: Option<f64>,
     pub(crate) encoder: Encoder,
@@ -108,6 +110,13 @@ impl Shaft {
     pub(crate) fn at_actuator(&self) -> [f64; 2] {
         let part = self.mapping.sign / self.mapping.gear;
         [part * self.position + self.mapping.offset, part * self.velocity]
+    }
+
+    /// Effort against its friction at a velocity of its actuator.
+    pub(crate) fn drag(&self, velocity: f64) -> f64 {
+        let Mapping { gear, torque_constant, .. } = self.mapping;
+        let dry = if velocity == 0.0 { 0.0 } else { self.dry * velocity.signum() };
+        gear * torque_constant * (dry + self.friction * gear * velocity)
     }
 
     /// Takes the torque of the motor.
@@ -210,6 +219,14 @@ pub(crate) struct World {
     pub(crate) told: VecDeque<(u64, Frame)>,
     /// Commands are made for another robot.
     pub(crate) is_stranger: bool,
+    /// Whatever the bridge says of a command is right.
+    pub(crate) is_any_verdict: bool,
+    /// The controller says nothing.
+    pub(crate) is_mute: bool,
+    /// Answers of the past, which come again from this one on instead of the true ones.
+    pub(crate) tape: Option<(Vec<Frame>, Option<usize>)>,
+    /// Room for the answers of one motor.
+    pub(crate) out: FrameQueue,
 }
 
 impl World {
@@ -237,6 +254,7 @@ impl World {
                     load: 0.0,
                     quantum: 0.0,
                     is_blocked: false,
+                    is_braked: false,
                     stuck: None,
                     encoder: Encoder::True,
                     hides_velocity: false,
@@ -271,6 +289,10 @@ impl World {
             slip: 0.0,
             told: VecDeque::new(),
             is_stranger: false,
+            is_any_verdict: false,
+            is_mute: false,
+            tape: None,
+            out: FrameQueue::new(64),
         }
     }
 
@@ -332,24 +354,19 @@ impl World {
         let later = |chance: &mut Chance, most: u64| chance.within(0.0, most as f64) as u64;
         let begin_ns = self.now_ns;
         let cycle_ns = begin_ns + later(&mut self.chance, late_ns);
-        self.command.sequence += 1;
-        self.command.stamp_ns = cycle_ns;
-        let verdict = match self.is_stranger {
-            true => CommandVerdict::WrongModel,
-            false => CommandVerdict::Accepted,
-        };
-        assert_eq!(self.bridge.command(cycle_ns, &self.command), verdict);
-        self.note(cycle_ns, What::Command(Box::new(self.command)));
+        if !self.is_mute {
+            self.say(cycle_ns);
+        }
         self.put(cycle_ns, What::Cycle);
-        if let Some(robot) = &mut self.robot {
-            let states = &self.bridge.state().states;
-            let follows = states.contains(&(MechanismState::Enabled as u32));
-            let has_power = self.shafts.iter().any(|shaft| shaft.motor.plant.power);
-            robot.is_held = !follows && (robot.is_held || !has_power);
+        // a robot's brakes open for motors that follow
+        for i in 0..if self.robot.is_some() { self.shafts.len() } else { 0 } {
+            let (state, _) = self.state(self.shafts[i].actuator);
+            let follows = matches!(state, MechanismState::Enabled | MechanismState::Stopping);
+            self.shafts[i].is_braked = !follows || !self.shafts[i].motor.plant.power;
         }
 
         // to the motors
-        let mut out = FrameQueue::new(64);
+        let mut out = std::mem::replace(&mut self.out, FrameQueue::new(0));
         for i in 0..self.shafts.len() {
             let mut sent: Vec<Frame> = self.bridge.frames(self.shafts[i].bus).to_vec();
             sent.extend(self.intruder.filter(|_| self.shafts[i].bus == 0));
@@ -392,7 +409,23 @@ impl World {
                 self.put(at_ns, What::Frame(0, frame));
             }
         }
+        self.out = out;
         self.tell(back_ns);
+    }
+
+    /// The controller commands.
+    fn say(&mut self, cycle_ns: u64) {
+        self.command.sequence += 1;
+        self.command.stamp_ns = cycle_ns;
+        let verdict = self.bridge.command(cycle_ns, &self.command);
+        let expected = match self.is_stranger {
+            true => CommandVerdict::WrongModel,
+            false => CommandVerdict::Accepted,
+        };
+        assert!(self.is_any_verdict || verdict == expected, "{verdict:?}");
+        if self.record.is_some() {
+            self.note(cycle_ns, What::Command(Box::new(self.command)));
+        }
     }
 
     /// The shafts turn under the torques of their motors.
@@ -424,6 +457,15 @@ impl World {
     fn collect(&mut self, i: usize, now_ns: u64, out: &mut FrameQueue, back_ns: u64) {
         let shaft = &mut self.shafts[i];
         for frame in out.frames() {
+            let mut frame = *frame;
+            match &mut self.tape {
+                Some((frames, None)) => frames.push(frame),
+                Some((frames, Some(next))) => {
+                    frame = frames[*next % frames.len()];
+                    *next += 1;
+                }
+                None => {}
+            }
             let at_ns =
                 now_ns + BACK_NS + shaft.delay_ns + self.chance.within(0.0, back_ns as f64) as u64;
             let at_ns = at_ns.max(self.held_until_ns);
@@ -431,7 +473,7 @@ impl World {
             let at_ns = shaft.answers.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
             for _ in 0..1 + usize::from(shaft.is_doubled) {
                 if self.chance.within(0.0, 1.0) >= self.loss && now_ns >= self.lost_until_ns {
-                    shaft.answers.push_back((at_ns, posing(*frame, shaft.poses_as)));
+                    shaft.answers.push_back((at_ns, posing(frame, shaft.poses_as)));
                 }
             }
         }
@@ -508,10 +550,12 @@ impl World {
 
     /// Commands all actuators alike.
     pub(crate) fn give(&mut self, setpoint: Setpoint) {
-        self.command.position = [setpoint.position; MAX_ACTUATORS];
-        self.command.velocity = [setpoint.velocity; MAX_ACTUATORS];
-        self.command.effort = [setpoint.torque; MAX_ACTUATORS];
-        self.command.stiffness = [setpoint.stiffness; MAX_ACTUATORS];
-        self.command.damping = [setpoint.damping; MAX_ACTUATORS];
+        for u in 0..self.command.n_u as usize {
+            self.command.position[u] = setpoint.position;
+            self.command.velocity[u] = setpoint.velocity;
+            self.command.effort[u] = setpoint.torque;
+            self.command.stiffness[u] = setpoint.stiffness;
+            self.command.damping[u] = setpoint.damping;
+        }
     }
 }

@@ -50,6 +50,10 @@ pub(super) struct Assessed {
     clearance_ahead: f64,
     clearance_before: f64,
     pub(super) contradiction: Contradiction,
+    /// When all of its actuators had measured anew, at the last look at their motion `[ns]`.
+    pub(super) seen_ns: u64,
+    /// When filtered efforts and motion are of the same time again `[ns]`.
+    pub(super) settled_ns: u64,
     pub(super) fault: Option<Reason>,
 }
 
@@ -67,6 +71,8 @@ impl Assessed {
             clearance_ahead: 1.0,
             clearance_before: f64::NAN,
             contradiction: Contradiction::default(),
+            seen_ns: 0,
+            settled_ns: 0,
             fault: None,
             linkage,
         }
@@ -173,6 +179,8 @@ impl State for Assessed {
             clearance_ahead: _,
             clearance_before,
             contradiction,
+            seen_ns,
+            settled_ns,
             fault,
         } = self;
         measured.carry(words);
@@ -182,6 +190,8 @@ impl State for Assessed {
         least_clearance.carry(words);
         clearance_before.carry(words);
         contradiction.carry(words);
+        seen_ns.carry(words);
+        settled_ns.carry(words);
         let mut reason = fault.unwrap_or(Reason::None);
         reason.carry(words);
         *fault = (reason != Reason::None).then_some(reason);

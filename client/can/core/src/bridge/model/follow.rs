@@ -85,7 +85,7 @@ impl RobotModel {
         }
         self.compare_encoders(now_ns);
         if has_forces && h > 0.0 {
-            self.compare_efforts(now_ns);
+            self.compare_efforts();
             self.filter(h);
         }
     }

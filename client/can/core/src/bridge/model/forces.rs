@@ -3,7 +3,7 @@
 use sarrus_proto::actuators::Reason;
 
 use super::assessed::Assessed;
-use super::effort::{Filtered, MOTION};
+use super::effort::{self, Filtered, MOTION};
 use super::{Activity, RobotModel};
 
 /// Least clearance at which gravity is given, and at which efforts are compared: the model's error
@@ -12,11 +12,23 @@ const WEIGHED: f64 = 0.02;
 const COMPARED: f64 = 0.15;
 
 impl RobotModel {
-    /// Measured ẏ and ÿ, and the efforts, all filtered, after `h` seconds.
-    pub(super) fn filter(&mut self, h: f64) {
+    /// Measured ẏ and ÿ, and the efforts, all filtered, of mechanisms whose actuators have all
+    /// measured anew, `interval` seconds after the last time. Where measurements are lost the
+    /// velocity tells of the efforts in between, which are not known.
+    pub(super) fn filter(&mut self, interval: f64) {
         for k in 0..self.mechanisms.len() {
             let is_known = self.is_known(k);
-            let Assessed { linkage, measured, .. } = &mut self.mechanisms[k];
+            let Assessed { linkage, measured, seen_ns, settled_ns, .. } = &mut self.mechanisms[k];
+            let newest = linkage.actuators.iter().map(|u| self.measured[*u].measured_ns).min();
+            let newest = newest.unwrap_or(0);
+            if newest <= *seen_ns {
+                continue;
+            }
+            let h = (newest - *seen_ns) as f64 * 1e-9;
+            *seen_ns = newest;
+            if h > effort::longest(interval) {
+                *settled_ns = newest + effort::SETTLED_NS;
+            }
             let rates = &mut self.rates[..linkage.independents.len()];
             let velocity = |u: usize| self.measured[u].velocity;
             let is_reported = linkage.actuators.iter().all(|u| velocity(*u).is_finite());
@@ -29,29 +41,31 @@ impl RobotModel {
                 let rate = if is_reported { rates[i] } else { change };
                 self.y_before[v] = if is_known { measured.next[i] } else { f64::NAN };
                 let motion = &mut self.motion[v];
-                if is_known && rate.is_finite() && h > 0.0 {
+                if is_known && rate.is_finite() {
                     motion.update(rate, h);
                 } else {
                     *motion = Filtered::default();
                 }
                 (self.yd[v], self.ydd[v]) = (motion.value, motion.rate);
             }
-        }
-        for (effort, measured) in self.efforts.iter_mut().zip(&self.measured) {
-            if measured.effort.is_finite() {
-                effort.update_twice(measured.effort, h);
+            for &u in &linkage.actuators {
+                let effort = self.measured[u].effort;
+                if effort.is_finite() {
+                    self.efforts[u].update_twice(effort, h);
+                }
             }
         }
     }
 
     /// Reported efforts against those of the model.
-    pub(super) fn compare_efforts(&mut self, now_ns: u64) {
+    pub(super) fn compare_efforts(&mut self) {
         for k in 0..self.mechanisms.len() {
             let is_following = self.mechanisms[k].activity == Activity::Following;
             let is_reported = |u: &usize| self.measured[*u].effort.is_finite();
             let is_reported = self.mechanisms[k].linkage.actuators.iter().all(is_reported);
             let is_compared = is_following && is_reported && self.is_weighable(k, COMPARED);
-            let Assessed { linkage, contradiction, fault, .. } = &mut self.mechanisms[k];
+            let Assessed { linkage, contradiction, seen_ns, settled_ns, fault, .. } =
+                &mut self.mechanisms[k];
             let mut is_beyond = false;
             if is_compared && linkage.factorise(&self.pose) {
                 let efforts = &self.efforts;
@@ -66,7 +80,8 @@ impl RobotModel {
                     is_beyond |= deviation.abs() > part * limits[u].effort + MOTION * moving.abs();
                 });
             }
-            if contradiction.update(now_ns, is_beyond) && fault.is_none() {
+            let is_settled = *seen_ns >= *settled_ns;
+            if is_settled && contradiction.update(*seen_ns, is_beyond) && fault.is_none() {
                 *fault = Some(Reason::ModelEffort);
             }
         }

@@ -34,13 +34,20 @@ pub(super) struct Measured {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) effort: f64,
+    /// When they came `[ns]`.
+    pub(super) measured_ns: u64,
     /// The last commanded position, if there is one.
     pub(super) setpoint: Option<f64>,
 }
 
 impl Measured {
-    const NONE: Measured =
-        Measured { position: f64::NAN, velocity: f64::NAN, effort: f64::NAN, setpoint: None };
+    const NONE: Measured = Measured {
+        position: f64::NAN,
+        velocity: f64::NAN,
+        effort: f64::NAN,
+        measured_ns: 0,
+        setpoint: None,
+    };
 }
 
 /// The model of a bridge's robot.
@@ -198,7 +205,7 @@ impl RobotModel {
     }
 }
 
-state!(Measured { position, velocity, effort, setpoint });
+state!(Measured { position, velocity, effort, measured_ns, setpoint });
 state!(RobotModel {
     mechanisms, encoders, measured, u, target, pose, commanded, y_before, motion, efforts, yd, ydd,
     gravity, known, cycle, last_ns;

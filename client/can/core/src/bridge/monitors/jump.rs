@@ -8,9 +8,19 @@
 use sarrus_proto::actuators::Reason;
 
 use super::{NOISE, Seen};
+use crate::config::{Limits, MonitorBounds};
 
+/// Part of the limit by which a reported speed may be wrong.
+const QUARTER: f64 = 0.25;
 /// Without a limit a speed may change by this many codes between two measurements.
 const FREE: f64 = 500.0;
+
+/// The speed that no report explains, of a motor that tells its speed or not; infinite where the
+/// rule is off.
+pub(super) fn unexplained(bounds: &MonitorBounds, limits: &Limits, is_told: bool) -> f64 {
+    let most = bounds.jump * limits.velocity;
+    if is_told && most < f64::INFINITY { QUARTER * limits.velocity } else { most }
+}
 
 pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {
     let Seen { bounds, steps, .. } = seen;
@@ -19,7 +29,7 @@ pub(super) fn check(seen: &Seen<'_>) -> Option<Reason> {
         return None;
     }
     let limit = seen.limits.velocity;
-    let free = if limit < f64::INFINITY { 0.25 * limit } else { FREE * steps.velocity };
+    let free = if limit < f64::INFINITY { QUARTER * limit } else { FREE * steps.velocity };
     let reported = seen.measured.velocity.abs().max(seen.before.velocity.abs());
     // a speed that is not reported explains nothing
     let explained = if reported.is_nan() { f64::INFINITY } else { 2.0 * reported + free };

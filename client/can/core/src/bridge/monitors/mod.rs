@@ -21,6 +21,8 @@ mod watch;
 pub(super) use noise::{DITHER, Noise};
 pub(super) use punctual::Punctual;
 use sarrus_proto::actuators::Reason;
+#[cfg(test)]
+pub(super) use velocity::clocks;
 
 use super::rest;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
@@ -43,8 +45,9 @@ pub(super) struct Seen<'a> {
     /// Bounds beyond which the motor's measurements are doubted, and one code of each number.
     pub(super) bounds: &'a MonitorBounds,
     pub(super) steps: &'a ActuatorSetpoint,
-    /// Time between two cycles `[s]`.
+    /// Time between two cycles, and by how much measurements are taken at unequal ones `[s]`.
     pub(super) period: f64,
+    pub(super) clocks: f64,
     /// The newest measurement.
     pub(super) measured: &'a ActuatorMeasurement,
     /// The one before, and the time between the arrivals of the two `[s]`.

@@ -10,7 +10,8 @@
 //! s ← s ± Δq − (1 + margin) v Δr,   fault where s > v t + noise,   s ← max(s, −(1 + margin) v a)
 //! ```
 //!
-//! with t = T / 2, at least [`CLOCKS`].
+//! with t = T / 2, at least [`CLOCKS`], and by how much the bridge's own cycles were uneven lately:
+//! motors measure when they are asked.
 
 use sarrus_proto::actuators::Reason;
 
@@ -29,6 +30,11 @@ pub(super) struct Velocity {
     back: f64,
 }
 
+/// How unequal the times of measurements may be, for a cycle and the unevenness of cycles `[s]`.
+pub(in crate::bridge) fn clocks(period: f64, uneven: f64) -> f64 {
+    (0.5 * period).max(CLOCKS) + uneven
+}
+
 impl Velocity {
     pub(super) fn check(&mut self, seen: &Seen<'_>) -> Option<Reason> {
         let Seen { bounds, steps, .. } = seen;
@@ -41,7 +47,7 @@ impl Velocity {
         let allowed = most * seen.elapsed;
         let ahead = self.ahead + seen.way() - allowed;
         let back = self.back - seen.way() - allowed;
-        let bound = seen.limits.velocity * (0.5 * seen.period).max(CLOCKS) + NOISE * steps.position;
+        let bound = seen.limits.velocity * seen.clocks + NOISE * steps.position;
         let is_ahead = ahead.max(back) > bound;
         let [_, late] = seen.late;
         (self.ahead, self.back) = (ahead.max(-most * late), back.max(-most * late));

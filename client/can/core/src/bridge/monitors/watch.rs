@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::{Reason, flag};
 
-use super::{Monitors, Seen, effort_of, noise};
+use super::{Monitors, Seen, effort_of, jump, noise, velocity};
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::whereabouts::Allowed;
@@ -16,6 +16,7 @@ impl Bridge {
     pub(in crate::bridge) fn look_at_measurements(&mut self, now_ns: u64) {
         let period = self.configuration.period_ns() as f64 * 1e-9;
         let feedback_ns = self.configuration.feedback_ns();
+        let clocks = velocity::clocks(period, self.uneven_ns as f64 * 1e-9);
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
             let number = motor.mechanism;
@@ -34,7 +35,7 @@ impl Bridge {
             }
             let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
             let found = motor
-                .doubt(period, mechanism.is_following())
+                .doubt(period, clocks, mechanism.is_following())
                 .or_else(|| motor.monitors.check_bus(now_ns, bus));
             if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
@@ -46,7 +47,7 @@ impl Bridge {
 impl Motor {
     /// The reason to doubt the newest measurement, if it is new. The rules see the newest one of
     /// each cycle.
-    fn doubt(&mut self, period: f64, is_following: bool) -> Option<Reason> {
+    fn doubt(&mut self, period: f64, clocks: f64, is_following: bool) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
@@ -58,6 +59,7 @@ impl Motor {
                 bounds,
                 steps,
                 period,
+                clocks,
                 measured: &self.measured,
                 before: &self.before,
                 elapsed: measured.saturating_sub(before) as f64 * 1e-9,
@@ -92,7 +94,8 @@ impl Motor {
         if let Some(measured_ns) = self.measured_ns.filter(|last| *last != self.rest.until_ns) {
             let still = self.monitors.still(&self.config.limits);
             self.rest.see(measured_ns, &self.measured, still);
-            let speed = self.monitors.bounds.jump * self.config.limits.velocity;
+            let is_told = self.measured.velocity.is_finite();
+            let speed = jump::unexplained(&self.monitors.bounds, &self.config.limits, is_told);
             let margin = self.monitors.margin(&self.config.limits);
             let allowed = Allowed { margin, speed, feedback_ns };
             self.whereabouts.find(measured_ns, &self.measured, allowed);

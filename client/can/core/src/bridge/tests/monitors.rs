@@ -66,6 +66,7 @@ impl Line {
             bounds,
             steps,
             period: PERIOD,
+            clocks: super::super::monitors::clocks(PERIOD, 0.0),
             measured: &measured,
             before: &self.before,
             elapsed: self.elapsed,
