@@ -36,6 +36,12 @@ const FOLLOWS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 /// Part of its own way by which an actuator that is held may move.
 const HELD: f64 = 0.5;
 
+/// What the table cannot show of a robot without an actuator more than its degrees of freedom.
+const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear shows \
+    in the effort alone\n";
+
+type Tried = (Vec<Vec<String>>, bool, bool);
+
 /// Flags of `commission`.
 #[derive(Args)]
 pub(crate) struct Commission {
@@ -74,9 +80,12 @@ impl Commission {
         let tried = self.tried(configuration);
         stderr::finish();
         match tried {
-            Ok((rows, is_good)) => {
+            Ok((rows, is_good, is_blind)) => {
                 let mut text = String::new();
                 table(&mut text, &rows);
+                if is_blind {
+                    text += BLIND;
+                }
                 print!("{text}");
                 if !is_good {
                     return Ok(ExitCode::from(1));
@@ -95,8 +104,9 @@ impl Commission {
         }
     }
 
-    /// The table of all motors, and whether there is no finding.
-    fn tried(&self, mut configuration: Configuration) -> Result<(Vec<Vec<String>>, bool), Error> {
+    /// The table of all motors, whether there is no finding, and whether nothing but efforts shows a
+    /// wrong zero.
+    fn tried(&self, mut configuration: Configuration) -> Result<Tried, Error> {
         let stop = Arc::new(AtomicBool::new(false));
         crate::run::end_by_signals(&stop)?;
         configuration.commissioning = Commissioning::Done;
@@ -132,7 +142,7 @@ impl Commission {
             is_good &= finding.is_none();
             rows.push(row(motor, trial.as_ref().ok(), finding.as_deref().unwrap_or("good")));
         }
-        Ok((rows, is_good))
+        Ok((rows, is_good, model.closes_anywhere()))
     }
 }
 

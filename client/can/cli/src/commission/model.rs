@@ -35,6 +35,13 @@ impl Model {
         Ok(Model(Some(Loaded { robot, to_pose, to_efforts, motion, efforts })))
     }
 
+    /// Whether each set of actuator positions has a pose: then a wrong zero shows in the efforts
+    /// alone.
+    pub(super) fn closes_anywhere(&self) -> bool {
+        let sizes = self.0.as_ref().map(|loaded| loaded.robot.model().sizes);
+        sizes.is_some_and(|sizes| sizes.n_u <= sizes.n_vy)
+    }
+
     /// Takes the efforts at rest at actuator positions: NaN without a robot. False where it has no
     /// such pose.
     pub(super) fn hold(&mut self, u: &[f64], efforts: &mut [f64]) -> bool {

@@ -60,6 +60,7 @@ fn a_robot_is_armed_with_a_record_that_fits_and_not_without() {
     assert_eq!(code, Some(0), "{out}{err}");
     assert_eq!(out.lines().last(), Some(record.to_str().unwrap()), "{out}");
     assert!(out.contains("ElbowAct") && out.contains("closed"), "{out}");
+    assert!(out.contains("a wrong zero or gear shows in the effort alone"), "{out}");
     let text = std::fs::read_to_string(&record).unwrap();
     assert!(text.contains("sign: 1, gear: 628.3185, offset: 0,"), "{text}");
     let warns = |path: &str| sarrus_can(&["check", path]).2.contains("no record of the commission");
