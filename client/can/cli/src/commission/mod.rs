@@ -36,9 +36,9 @@ const FOLLOWS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 /// Part of its own way by which an actuator that is held may move.
 const HELD: f64 = 0.5;
 
-/// What the table cannot show of a robot without an actuator more than its degrees of freedom.
-const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear shows \
-    in the effort alone\n";
+/// Stands below the table of a robot that has no actuator beyond its degrees of freedom.
+const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear \
+    shows in the effort alone\n";
 
 type Tried = (Vec<Vec<String>>, bool, bool);
 
@@ -104,8 +104,8 @@ impl Commission {
         }
     }
 
-    /// The table of all motors, whether there is no finding, and whether nothing but efforts shows a
-    /// wrong zero.
+    /// The table of all motors, whether there is no finding, and whether nothing but efforts shows
+    /// a wrong zero.
     fn tried(&self, mut configuration: Configuration) -> Result<Tried, Error> {
         let stop = Arc::new(AtomicBool::new(false));
         crate::run::end_by_signals(&stop)?;

@@ -41,7 +41,7 @@ const PART: f64 = 0.8;
 /// A speed that counts as none beside dry friction, as part of the greatest one.
 const STILL: f64 = 0.01;
 
-/// What a robot has in a pose: u, u̇, G_u, M_y, C_y and q.
+/// Places of the numbers of a pose: u, u̇, G_u, M_y, C_y and q.
 struct Places {
     u: usize,
     ud: usize,
@@ -190,7 +190,7 @@ impl Robot {
         let before = self.y.clone();
         self.y.iter_mut().zip(&self.yd).for_each(|(y, yd)| *y += h * yd);
         if !self.evaluate() {
-            // at the end of what it can reach
+            // at the end of its reach
             self.y = before;
             self.yd.fill(0.0);
             assert!(self.evaluate());
@@ -261,7 +261,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
     let mut robot = Robot::new(model.clone(), None);
     let n_u = robot.n_u();
 
-    // what its actuators reach and carry in the box
+    // positions and weights of its actuators in the box
     let mut range = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_u];
     let mut inertia = vec![0.0_f64; n_u];
     let mut gravity = vec![0.0_f64; n_u];

@@ -1,7 +1,7 @@
-//! No false alarm, and every attack found: motors of all protocols, alone or in bundled robots with
-//! closed mechanisms, that make quick moves from rest to rest, at 250 to 1000 Hz, while frames are
-//! lost, late, held back and cut off, with quiet and noisy encoders; each run ends with an attack at
-//! a random moment of the motion.
+//! No false alarm, and every attack found: motors of all protocols, alone or in bundled robots
+//! with closed mechanisms, that make quick moves from rest to rest, at 250 to 1000 Hz, while frames
+//! are lost, late, held back and cut off, with quiet and noisy encoders; each run ends with an
+//! attack at a random moment of the motion.
 //!
 //! Twenty minutes of the bridge's time; `SARRUS_SOAK_SECONDS=1000000` makes it more, from seed
 //! `SARRUS_SOAK_SEED` on, and stops after `SARRUS_SOAK_MINUTES`. Every false alarm prints its seed.
@@ -94,7 +94,7 @@ impl Move {
     }
 }
 
-/// What moves, and what is wanted of it.
+/// A motor or a robot.
 enum Body {
     /// A motor with a weight that hangs from it.
     Motor { load: f64 },
@@ -461,7 +461,7 @@ impl Run {
     }
 }
 
-/// What an attack led to: the time until it was found `[ms]`, or what went wrong; `None` where it
+/// The outcome of an attack: the time until it was found `[ms]`, or its damage; `None` where it
 /// cannot be made.
 type Outcome = Option<Result<f64, String>>;
 type Attack = fn(&mut Run) -> Outcome;
@@ -676,7 +676,7 @@ fn is_possible(attack: &str, drive: &str) -> bool {
     }
 }
 
-/// What the runs have shown.
+/// Results of the runs.
 #[derive(Default)]
 struct Tally {
     /// Of motors, and of robots `[s]`.

@@ -219,7 +219,7 @@ pub(crate) struct World {
     pub(crate) told: VecDeque<(u64, Frame)>,
     /// Commands are made for another robot.
     pub(crate) is_stranger: bool,
-    /// Whatever the bridge says of a command is right.
+    /// Any verdict on a command is right.
     pub(crate) is_any_verdict: bool,
     /// The controller says nothing.
     pub(crate) is_mute: bool,

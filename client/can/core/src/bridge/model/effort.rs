@@ -19,7 +19,7 @@ const FILTER: f64 = 0.005;
 /// The efforts may contradict the model for this time `[ns]`, or in fewer measurements.
 const HOLD_NS: u64 = 10_000_000;
 const MEASUREMENTS: u32 = 3;
-/// After a gap the filters have forgotten what it hid `[ns]`.
+/// Time after which the filters have forgotten the efforts in a gap `[ns]`.
 pub(super) const SETTLED_NS: u64 = (4.0 * FILTER * 1e9) as u64;
 
 /// The longest time between two measurements that is no gap, for the usual one `[s]`.
