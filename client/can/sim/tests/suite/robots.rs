@@ -320,7 +320,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
         let gear = chance.within(6.0, 11.0) / (upper - offset).max(offset - lower);
         let bus = u % n_buses;
         let (_, drive) = of_bus[bus];
-        let sign = if chance.bits() % 2 == 0 { 1 } else { -1 };
+        let sign = if chance.bits().is_multiple_of(2) { 1 } else { -1 };
         let torque_constant = effort / (gear * MOTOR_EFFORT);
         text += &format!(
             "- actuator: {name}\n  bus: b{bus}\n  drive: {}\n  sign: {sign}\n  gear: {gear}\n  \
