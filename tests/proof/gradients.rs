@@ -105,7 +105,8 @@ fn compare_on<S: PlanScalar>(case: &Case, plain: &Model<S>, k: u64, ledger: &mut
     let mut seeded = Seeded::new(case.seed ^ 0xde51 ^ k);
     let mut direction =
         |n: usize| -> Vec<S> { (0..n).map(|_| S::from_f64(seeded.within(-1.0, 1.0))).collect() };
-    let (y, yd) = (direction(n), direction(n));
+    let y = direction(n);
+    let yd = direction(n);
     let tau = direction(plain.sizes().n_u);
     let none = vec![S::ZERO; n];
 
@@ -194,7 +195,8 @@ fn derivatives_in_double_keep_twelve_digits_or_warn() {
             asked(case, case.compiled.model.clone(), 0),
             asked(case, case.compiled.exact.clone(), 0),
         );
-        let (state, exact) = (case.state::<f64>(k), case.state::<Dd>(k));
+        let state = case.state::<f64>(k);
+        let exact = case.state::<Dd>(k);
         let inverse = Request::InverseDynamics;
         let tau = robots.0.ask(inverse, (&state, None), None, &[TauY]).get(TauY).to_vec();
         let tau_exact: Vec<Dd> = tau.iter().map(|x| Dd::from(*x)).collect();

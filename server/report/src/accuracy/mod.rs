@@ -134,7 +134,8 @@ fn robot_figures(
     let mut methods = methods::of_robot(robot)?;
     let mut references = References::new(robot);
     measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
-    let (mut runs, mut missing) = (Vec::new(), Vec::new());
+    let mut runs = Vec::new();
+    let mut missing = Vec::new();
     for peer in peer::peers(robot, 0, amount.of_peer)? {
         match peer {
             Peer::Measured { runs: of_peer, .. } => runs.extend(of_peer),

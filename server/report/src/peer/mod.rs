@@ -149,8 +149,14 @@ fn read(name: &str, text: &str, n_states: usize) -> Result<Peer, String> {
                 "FD" => Question::ForwardDynamics,
                 _ => return None,
             };
-            let (name, setting) = (format!("{name} {method}"), setting.to_owned());
-            Some(Run { question, name, setting, ns: ns.parse().ok()?, answers: Vec::new() })
+            let name = format!("{name} {method}");
+            Some(Run {
+                question,
+                name,
+                setting: setting.to_owned(),
+                ns: ns.parse().ok()?,
+                answers: Vec::new(),
+            })
         };
         let mut run = head().ok_or_else(|| format!("a line that is none of a run: {line}"))?;
         for _ in 0..n_states {
