@@ -300,18 +300,15 @@ impl Domain {
 
     fn check_owner(&self) -> Result<(), DomainError> {
         let user = rustix::process::geteuid().as_raw();
+        let failed = |source| DomainError::Root { path: self.root.clone(), source };
         match fs::symlink_metadata(&self.root) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-            Err(source) => Err(DomainError::Root { path: self.root.clone(), source }),
+            Err(source) => Err(failed(source)),
             Ok(found) if found.uid() == user && found.is_dir() => match found.mode() & 0o002 {
                 0 => Ok(()),
                 _ => Err(DomainError::Open { path: self.root.clone() }),
             },
-            // a link among them
-            Ok(found) if found.uid() == user => {
-                let source = io::ErrorKind::NotADirectory.into();
-                Err(DomainError::Root { path: self.root.clone(), source })
-            }
+            Ok(found) if found.uid() == user => Err(failed(io::ErrorKind::NotADirectory.into())),
             Ok(found) => {
                 Err(DomainError::Foreign { path: self.root.clone(), owner: found.uid(), user })
             }

@@ -17,6 +17,9 @@ mod owners;
 mod allowance;
 mod peers;
 mod python;
+#[path = "../../../client/can/sim/tests/suite/robots.rs"]
+#[allow(dead_code, reason = "the suite of the simulated motors uses all of it")]
+mod robots;
 mod rules;
 mod session;
 mod watch;

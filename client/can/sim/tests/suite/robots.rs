@@ -7,7 +7,7 @@ use sarrus_can_core::cholesky::Cholesky;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
 use sarrus_models::{LoadError, Loaded, Options, Source, load};
 
-use crate::world::{Chance, Shaft};
+use super::world::{Chance, Shaft};
 
 /// A robot, the box of its independents in which it moves, and a joint that may have an encoder.
 struct Kind {

@@ -6,6 +6,8 @@
 //! Twenty minutes of the bridge's time; `SARRUS_SOAK_SECONDS=1000000` makes it more, from seed
 //! `SARRUS_SOAK_SEED` on, and stops after `SARRUS_SOAK_MINUTES`. Every false alarm prints its seed.
 
+mod attacks;
+
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -14,6 +16,7 @@ use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::Frame;
 use sarrus_proto::actuators::{MechanismState, Operation, Reason, flag};
 
+use self::attacks::{ATTACKS, is_possible};
 use crate::attack_table::drives;
 use crate::closed_loop::{DBC, DBC_FILE};
 use crate::robots::{self, Drawn, MARGIN};
@@ -458,221 +461,6 @@ impl Run {
             }
         }
         Ok(reason)
-    }
-}
-
-/// The outcome of an attack: the time until it was found `[ms]`, or its damage; `None` where it
-/// cannot be made.
-type Outcome = Option<Result<f64, String>>;
-type Attack = fn(&mut Run) -> Outcome;
-
-/// Changes the world, and waits until that is found.
-fn found(run: &mut Run, change: impl FnOnce(&mut World, &mut Chance)) -> Outcome {
-    // in a cycle that asks the motor, whose frames a second master repeats
-    while run.world.bridge.frames(0).iter().all(|frame| frame.data().len() < 3) {
-        run.cycle();
-    }
-    let attacked_ns = run.world.now_ns;
-    change(&mut run.world, &mut run.chance);
-    Some(match run.until(FOUND_S) {
-        Some(_) => Ok((run.world.now_ns - run.world.period_ns - attacked_ns) as f64 / MS as f64),
-        None => Err("not found".to_owned()),
-    })
-}
-
-/// As [`found`], of one of the shafts.
-fn found_of(run: &mut Run, change: fn(&mut Shaft, &mut Chance)) -> Outcome {
-    found(run, |world, chance| {
-        let i = (chance.bits() % world.shafts.len() as u64) as usize;
-        change(&mut world.shafts[i], chance);
-    })
-}
-
-const ATTACKS: &[(&str, Attack)] = &[
-    ("encoder jumps", |run| {
-        found_of(run, |shaft, chance| {
-            let by = chance.within(0.2, 3.0) * if chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
-            shaft.encoder = Encoder::Off(by);
-        })
-    }),
-    ("encoder reversed", |run| found_of(run, |shaft, _| shaft.encoder = Encoder::Reversed)),
-    ("position frozen", |run| found_of(run, |shaft, _| freeze(shaft, false))),
-    ("position and velocity frozen", |run| found_of(run, |shaft, _| freeze(shaft, true))),
-    ("limp", |run| found_of(run, |shaft, _| shaft.stuck = Some(0.0))),
-    ("pushes", |run| found_of(run, |shaft, chance| shaft.stuck = Some(chance.within(3.0, 9.0)))),
-    ("two motors on one id", |run| found_of(run, |shaft, _| shaft.is_doubled = true)),
-    ("second master", |run| {
-        found(run, |world, _| {
-            let frame = world.bridge.frames(0).iter().find(|frame| frame.data().len() > 2);
-            world.intruder = frame.and_then(|frame| {
-                let mut data = frame.data().to_vec();
-                data[1] ^= 0x55;
-                let rate =
-                    frame.kind == sarrus_can_core::frame::FrameKind::Fd { bit_rate_switch: true };
-                match frame.is_fd() {
-                    true => Frame::fd(frame.id, rate, &data),
-                    false => Frame::classic(frame.id, &data),
-                }
-            });
-        })
-    }),
-    ("silence", |run| found_of(run, |shaft, _| shaft.motor.silence(true))),
-    ("150 °C", |run| found_of(run, |shaft, _| shaft.temperature = 150.0)),
-    ("blocked", |run| found_of(run, |shaft, _| shaft.is_blocked = true)),
-    ("error-passive", |run| {
-        found(run, |world, chance| {
-            let i = (chance.bits() % world.shafts.len() as u64) as usize;
-            world.event(world.shafts[i].bus, BusEvent::ErrorPassive);
-        })
-    }),
-    ("frozen while a load is held", |run| {
-        if !comes_to_rest(run) {
-            return Some(Err("no rest".to_owned()));
-        }
-        let i = (run.chance.bits() % run.world.shafts.len() as u64) as usize;
-        let actuator = run.world.shafts[i].actuator;
-        if run.world.bridge.state().flags[actuator] & flag::FROZEN_UNDETECTABLE != 0 {
-            return None;
-        }
-        found(run, |world, _| freeze(&mut world.shafts[i], true))
-    }),
-    ("hot while a load is held", |run| {
-        if !comes_to_rest(run) {
-            return Some(Err("no rest".to_owned()));
-        }
-        let before: Vec<[f64; 2]> = run.world.shafts.iter().map(Shaft::at_actuator).collect();
-        let outcome = found_of(run, |shaft, _| shaft.temperature = 115.0);
-        // it holds its load until the end of the stop
-        while run.world.stopped().is_some_and(|(state, _)| state == MechanismState::Stopping) {
-            for (shaft, [position, _]) in run.world.shafts.iter().zip(&before) {
-                let [now, _] = shaft.at_actuator();
-                let range = shaft.limits.upper - shaft.limits.lower;
-                if shaft.motor.plant.power && (now - position).abs() > 0.05 * range {
-                    return Some(Err(format!("it sank by {}", now - position)));
-                }
-            }
-            run.cycle();
-        }
-        outcome
-    }),
-    ("into a limit", |run| {
-        if run.world.robot.is_some() || run.name.contains("position") {
-            return None;
-        }
-        let side = if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
-        let speed = run.chance.within(0.3, 0.95) * SPEED;
-        let begin_ns = run.world.now_ns;
-        let mut at = None;
-        while run.world.now_ns < begin_ns + 12_000 * MS {
-            let shaft = &run.world.shafts[0];
-            if side * shaft.position > 3.03 {
-                return Some(Err(format!("{} rad at {} rad/s", shaft.position, shaft.velocity)));
-            }
-            let lag = side * speed - shaft.velocity;
-            let torque =
-                (20.0 * shaft.inertia * lag - shaft.load).clamp(-0.9 * EFFORT, 0.9 * EFFORT);
-            run.world.give(Setpoint { torque, ..Setpoint::default() });
-            run.world.shafts[0].load = match run.body {
-                Body::Motor { load } => load * run.world.shafts[0].position.sin(),
-                Body::Robot { .. } => 0.0,
-            };
-            run.pass();
-            if run.world.stopped().is_some() && at.is_none() {
-                at = Some((run.world.now_ns - begin_ns) as f64 / MS as f64);
-            }
-        }
-        at.map(Ok)
-    }),
-    ("zero moves without power", |run| {
-        run.disarm();
-        let by = run.chance.within(0.2, 3.0) * if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
-        run.world.shafts[0].encoder = Encoder::Off(by);
-        run.pause(|_| ());
-        Some(match run.is_refused(1.0, |_| ()) {
-            Ok(Reason::PositionChanged) => Ok(0.0),
-            Ok(reason) => Err(format!("refused by {}", reason.name())),
-            Err(what) => Err(what),
-        })
-    }),
-    ("armed in motion", |run| {
-        if run.world.robot.is_some() {
-            return None;
-        }
-        run.disarm();
-        let speed = run.chance.within(0.05, 0.9) * SPEED;
-        let side = -run.world.shafts[0].position.signum();
-        // from side to side
-        let mut turn = |world: &mut World| {
-            let shaft = &mut world.shafts[0];
-            let is_far = shaft.position.abs() > 2.0;
-            let way = if is_far { -shaft.position.signum() } else { shaft.velocity.signum() };
-            shaft.velocity = speed * if shaft.velocity == 0.0 { side } else { way };
-        };
-        run.pause(&mut turn);
-        Some(match run.is_refused(0.5, turn) {
-            Ok(Reason::Moving | Reason::PositionChanged) => Ok(0.0),
-            Ok(reason) => Err(format!("refused by {}", reason.name())),
-            Err(what) => Err(what),
-        })
-    }),
-    ("old feedback while it is armed", |run| {
-        run.disarm();
-        let delay_ns = (run.chance.within(30.0, 200.0) * 1e6) as u64;
-        run.world.shafts.iter_mut().for_each(|shaft| shaft.delay_ns = delay_ns);
-        let begin_ns = run.world.now_ns;
-        run.rests = false;
-        run.rest_ns = run.world.now_ns;
-        // motors that measure without being asked are armed, and stopped once they move
-        if run.is_refused(1.0, |_| ()).is_ok() {
-            return Some(Ok(0.0));
-        }
-        let outcome = run.until(FOUND_S);
-        let ms = (run.world.now_ns - begin_ns) as f64 / MS as f64;
-        Some(outcome.map(|_| ms).ok_or("not found".to_owned()))
-    }),
-    ("commands for another robot", |run| {
-        found(run, |world, _| {
-            world.command.fingerprint ^= 1;
-            world.is_stranger = true;
-        })
-    }),
-    ("second encoder slips", |run| {
-        run.world.robot.as_ref()?.encoder()?;
-        found(run, |world, chance| {
-            let by = MARGIN * chance.within(1.5, 4.0);
-            world.slip = if chance.bits() % 2 == 0 { by } else { -by };
-        })
-    }),
-];
-
-/// It holds where it is, with its set-points at rest for half a second.
-fn comes_to_rest(run: &mut Run) -> bool {
-    run.rests = true;
-    let last_ns = run.world.now_ns.max(run.next.begin_ns + (run.next.seconds * 1e9) as u64);
-    while run.world.now_ns < last_ns + 500 * MS {
-        run.cycle();
-    }
-    run.world.stopped().is_none()
-}
-
-fn freeze(shaft: &mut Shaft, velocity_too: bool) {
-    shaft.encoder = Encoder::Frozen { position: shaft.position, velocity_too };
-}
-
-/// Whether a protocol can show an attack; see the blind spots of the README. A robot has more than
-/// one way to find it, and one motor that cannot show it is enough not to make it.
-fn is_possible(attack: &str, drive: &str) -> bool {
-    let has_efforts = !["rmd", "vesc", "ak_servo", "dbc"].iter().any(|name| drive.contains(name));
-    match attack {
-        "150 °C" | "hot while a load is held" => {
-            !["cia402", "dbc", "cheetah"].iter().any(|name| drive.contains(name))
-        }
-        "two motors on one id" => {
-            !["odrive", "rmd", "vesc", "ak_servo", "dbc"].iter().any(|name| drive.contains(name))
-        }
-        "limp" | "pushes" => has_efforts && !drive.contains("position"),
-        "second master" => !drive.contains("dbc"),
-        _ => true,
     }
 }
 

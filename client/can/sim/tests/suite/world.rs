@@ -14,7 +14,7 @@ use sarrus_can_sim::{Physics, Simulated};
 use sarrus_models::LoadError;
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation, Reason};
 
-use crate::robots::{self, Drawn, ENCODER_ID, ENCODER_STEP, Robot};
+use super::robots::{self, Drawn, ENCODER_ID, ENCODER_STEP, Robot};
 
 pub(crate) const MS: u64 = 1_000_000;
 /// Time from a cycle to the motors, and from their answers to the bridge `[ns]`.
