@@ -127,14 +127,23 @@ fn couplings_of_any_size_in_a_row_are_read() {
              <child link=\"l{k}\"/>{mimic}</joint>"
         )
     };
-    for [first, second] in [[1e6, 1e6], [1e6, 1e-6], [1e-6, 1e6], [1e-6, 1e-6]] {
+    let rows: [&[f64]; 7] = [
+        &[1e6, 1e6],
+        &[1e6, 1e-6],
+        &[1e-6, 1e6],
+        &[1e-6, 1e-6],
+        &[1e6; 4],
+        &[1e-6; 5],
+        &[1e6, 1e6, 1e-6, 1e6, 1e6],
+    ];
+    for ratios in rows {
+        let n = ratios.len();
         let mimic = |k: usize, by: f64| format!("<mimic joint=\"j{k}\" multiplier=\"{by:e}\"/>");
         let urdf = [
             "<robot name=\"gears\"><link name=\"base\"/>".to_owned(),
-            (0..3).map(link).collect(),
+            (0..=n).map(link).collect(),
             joint(0, ""),
-            joint(1, &mimic(0, first)),
-            joint(2, &mimic(1, second)),
+            (0..n).map(|k| joint(k + 1, &mimic(k, ratios[k]))).collect(),
             "</robot>".to_owned(),
         ];
         let loaded = good(&urdf.concat(), None);
@@ -143,11 +152,13 @@ fn couplings_of_any_size_in_a_row_are_read() {
         let given = FieldSet::of(&[Field::Y]);
         let query = Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q]));
         let plan = Plan::new(model, &query).unwrap();
-        let mut q = [0.0; 3];
+        let mut q = vec![0.0; n + 1];
         let answer = plan.run(model, &mut Workspace::new(model), &[0.5], &mut q);
         assert_eq!(answer.status, Status::Ok);
-        for (found, expected) in q.iter().zip([0.5, 0.5 * first, 0.5 * first * second]) {
-            assert!((found / expected - 1.0_f64).abs() < 1e-15, "{q:?}");
+        let mut expected = 0.5;
+        for (k, found) in q.iter().enumerate() {
+            assert!((found / expected - 1.0_f64).abs() < 1e-14, "{ratios:?}: {q:?}");
+            expected *= ratios.get(k).copied().unwrap_or(1.0);
         }
     }
 }

@@ -39,17 +39,21 @@ pub(super) fn units(cluster: &Cluster<Dd>) -> Vec<f64> {
     for (v, _) in cluster.cuts.iter().filter(|cut| !is_gear(cut)).flat_map(|cut| &cut.path) {
         units[*v] = Some(own(&cluster.dofs[*v]));
     }
-    let rows = || cluster.cuts.iter().filter(is_gear).flat_map(|cut| &cut.rows);
-    // from gear to gear
-    for row in rows().flat_map(|_| rows()) {
-        let unknown: Vec<_> = row.terms.iter().filter(|(v, _)| units[*v].is_none()).collect();
+    let rows = cluster.cuts.iter().filter(is_gear).flat_map(|cut| &cut.rows);
+    spread(&rows.map(|row| &row.terms[..]).collect::<Vec<_>>(), &mut units);
+    cluster.dofs.iter().zip(units).map(|(dof, unit)| unit.unwrap_or(own(dof))).collect()
+}
+
+/// Gives a unit to each joint that relations tie to joints with one, from gear to gear.
+fn spread(relations: &[&[(usize, Dd)]], units: &mut [Option<f64>]) {
+    for terms in relations.iter().flat_map(|_| relations) {
+        let unknown: Vec<_> = terms.iter().filter(|(v, _)| units[*v].is_none()).collect();
         if let [(v, of_v)] = unknown[..] {
-            let others = row.terms.iter().filter_map(|(j, c)| Some(c.abs().to_f64() * units[*j]?));
+            let others = terms.iter().filter_map(|(j, c)| Some(c.abs().to_f64() * units[*j]?));
             let unit = others.sum::<f64>() / of_v.abs().to_f64();
             units[*v] = (unit > 0.0 && unit.is_finite()).then_some(unit);
         }
     }
-    cluster.dofs.iter().zip(units).map(|(dof, unit)| unit.unwrap_or(own(dof))).collect()
 }
 
 /// Poses of the local bodies of a cluster at its coordinates {cluster's parent body}; 0 is that.
@@ -105,13 +109,7 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
         }
         A[r * width + width - 1] = relation.offset;
     }
-    // each row by its largest coefficient
-    for row in A.chunks_exact_mut(width) {
-        let size = row[..width - 1].iter().fold(0.0, |size: f64, x| size.max(x.to_f64().abs()));
-        if size > 0.0 {
-            row.iter_mut().for_each(|x| *x = *x / Dd::from(size));
-        }
-    }
+    let [unit, more] = equilibrate(cluster, relations, &mut A, width);
     let (mut free, mut row_of): (Vec<usize>, Vec<usize>) =
         ((0..rows).collect(), vec![usize::MAX; d]);
     for _ in 0..d {
@@ -137,10 +135,12 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
         row_of[a] = r;
     }
     // the remaining relations must repeat these
-    if free
-        .iter()
-        .any(|r| A[r * width..(r + 1) * width].iter().any(|x| x.to_f64().abs() > ROUNDING))
-    {
+    let repeats = |r: &usize| {
+        let row = &A[r * width..(r + 1) * width];
+        let offset = (row[width - 1] * more[*r]).to_f64();
+        row[..width - 1].iter().all(|x| x.to_f64().abs() <= ROUNDING) && offset.abs() <= ROUNDING
+    };
+    if !free.iter().all(repeats) {
         return None;
     }
     let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n], polish: None };
@@ -150,9 +150,39 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
     for (a, &j) in cluster.dependent.iter().enumerate() {
         let row = &A[row_of[a] * width + d..(row_of[a] + 1) * width];
         for k in 0..m {
-            coupling.M[j * m + k] = -row[k];
+            coupling.M[j * m + k] = -row[k] * unit[a];
         }
-        coupling.b[j] = -row[m];
+        coupling.b[j] = -row[m] * unit[a];
     }
     Some(coupling)
+}
+
+/// Scales the columns of the dependents by their units and the rows to one; returns the units, and
+/// of each row what the units add to the size that it has in the file.
+fn equilibrate(
+    cluster: &Cluster<Dd>,
+    relations: &[Relation],
+    A: &mut [Dd],
+    width: usize,
+) -> [Vec<Dd>; 2] {
+    // a unit is what the joint moves where the independents move by one, as a power of two
+    let mut units = vec![None; cluster.n];
+    cluster.independent.iter().for_each(|j| units[*j] = Some(1.0));
+    let terms: Vec<_> = relations.iter().map(|relation| &relation.terms[..]).collect();
+    spread(&terms, &mut units);
+    let power = |unit: f64| f64::exp2(unit.log2().round());
+    let unit: Vec<Dd> =
+        cluster.dependent.iter().map(|j| Dd::from(units[*j].map_or(1.0, power))).collect();
+    let mut more = Vec::new();
+    for row in A.chunks_exact_mut(width) {
+        let largest = |row: &[Dd]| row.iter().fold(0.0, |l: f64, x| l.max(x.to_f64().abs()));
+        let declared = largest(&row[..width - 1]);
+        row.iter_mut().zip(&unit).for_each(|(x, unit)| *x *= *unit);
+        let size = largest(&row[..width - 1]);
+        if size > 0.0 {
+            row.iter_mut().for_each(|x| *x = *x / Dd::from(size));
+        }
+        more.push(Dd::from(if declared > 0.0 { size / declared } else { 1.0 }));
+    }
+    [unit, more]
 }

@@ -293,3 +293,17 @@ fn log(input: &[u8]) -> Result<u64, String> {
     }
     Ok(kinds)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_configuration_of_the_corpus_is_valid() {
+        for seed in (CONFIGURATION.seeds)() {
+            let read = read(&seed, DBC_FILE);
+            let errors = read.err().map(|report| report.errors.to_vec());
+            assert!(errors.is_none(), "{}: {errors:?}", latin(&seed));
+        }
+    }
+}
