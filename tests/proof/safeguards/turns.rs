@@ -3,7 +3,10 @@
 use std::f64::consts::{PI, TAU};
 
 use sarrus_dynamics::description::SubmechanismKind::Numerical;
-use sarrus_dynamics::{Compiled, CutJoint, Request};
+use sarrus_dynamics::{
+    Compiled, CutJoint, FieldSet, ImplicitForm, Method, Plan, Query, Request, Status, Warnings,
+    Workspace,
+};
 use sarrus_report::robots::small::{LOOSE, Turn, Z as Z_AXIS, cut, joint, mechanism};
 use sarrus_tests::compare::error_by_size;
 use sarrus_tests::rigid::Pose;
@@ -57,6 +60,52 @@ fn redundant_rows_are_chosen_where_the_loop_is() {
             let off = (x.get(Q)[1] - psi) / TAU;
             assert!((off - off.round()).abs() < 1e-12, "{y}: {:?} {psi}", x.get(Q));
         }
+    }
+}
+
+/// Conditions and the constrained tree's accelerations use the rows that serve at the pose: those
+/// kept at load lose rank on the way round.
+#[test]
+fn conditions_and_constraints_are_those_of_the_rows_at_the_pose() {
+    for (theta, welded) in [(0.5, true), (1.4, false)] {
+        let compiled = bennett(theta, welded);
+        let model = &compiled.model;
+        let n = model.sizes().n_v;
+        let mut robot = robot(&compiled);
+        let mut least = f64::INFINITY;
+        for k in 0..300 {
+            let y = PI * (f64::from(k) / 150.0 - 0.997);
+            let given: [(_, &[f64]); 3] = [(Y, &[y]), (Yd, &[0.7]), (TauY, &[0.3])];
+            let x = robot.ask(Request::ForwardDynamics, &given, &[Ydd, Q, Qd, Qdd, SigmaMin]).ok();
+            least = least.min(x.get(SigmaMin)[0]);
+            let query = Query::new(
+                Request::ForwardDynamics,
+                FieldSet::of(&[Y, Yd, TauY]),
+                FieldSet::of(&[Ydd]),
+            );
+            let plan = Plan::with_method(model, &query, Method::Kkt).unwrap();
+            let mut workspace = Workspace::for_plans(model, [&plan]);
+            let mut ydd = [0.0];
+            let answer = plan.run(model, &mut workspace, &[y, 0.7, 0.3], &mut ydd);
+            assert_eq!((answer.status, answer.warnings), (Status::Ok, Warnings::NONE), "{y}");
+            let size = x.get(Ydd)[0].abs().max(1.0);
+            assert!((ydd[0] - x.get(Ydd)[0]).abs() < 1e-9 * size, "{y}: {ydd:?} {:?}", x.get(Ydd));
+            let mut tau = vec![0.0; n];
+            tau[0] = 0.3;
+            let mut qdd = vec![0.0; n];
+            let status = ImplicitForm::new(model).accelerations(
+                model,
+                x.get(Q),
+                x.get(Qd),
+                &tau,
+                &[],
+                (0.0, 0.0),
+                &mut qdd,
+            );
+            assert_eq!(status, Status::Ok, "{y}");
+            assert!(error_by_size(&qdd, x.get(Qdd), 1.0) < 1e-8, "{y}: {qdd:?}");
+        }
+        assert!(least > 0.02, "{theta}: {least}");
     }
 }
 

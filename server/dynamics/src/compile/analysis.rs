@@ -6,7 +6,7 @@ use crate::closure::{
     Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_residual, local_poses, scaled,
 };
 use crate::compile::assemble::Labels;
-use crate::compile::blocks::blocks;
+use crate::compile::blocks::{blocks, levers};
 use crate::compile::idle::Drift;
 use crate::compile::rank::{independent_rows, locks, matrix, null_space, rank};
 use crate::compile::{mobility, redundant};
@@ -32,6 +32,8 @@ const ROUNDED: f64 = 1e-14;
 /// Result of the analysis of one cluster.
 pub(super) struct Analysis {
     pub(super) used: Vec<usize>,
+    /// Other rows that may serve instead.
+    pub(super) other_rows: Vec<Vec<usize>>,
     /// Of each choice of rows, the used ones first.
     pub(super) choices: Vec<Blocks>,
     /// Idle dependents, which keep their initial value.
@@ -156,10 +158,16 @@ pub(super) fn analyse(
     let at_zero = Sample::at(&cluster, subject.bodies, subject.zero);
     let others: Vec<&[f64]> = samples.iter().chain([&at_zero]).map(|at| &at.K[..]).collect();
     let mut choices = vec![blocks(&cluster, &used, &generic.K, &others)];
+    let mut other_rows = Vec::new();
     for (other, at) in redundant::choices(subject, &cluster, &used) {
         choices.push(blocks(&cluster, &other, &at.K, &[&at.K]));
+        other_rows.push(other);
     }
-    Some(Analysis { used, choices, locked })
+    let poses: Vec<&[_]> = samples.iter().chain([&at_zero]).map(|at| &at.pose[..]).collect();
+    for block in choices.iter_mut().flat_map(|choice| &mut choice.blocks) {
+        block.levers = levers(&cluster, block, &poses);
+    }
+    Some(Analysis { used, other_rows, choices, locked })
 }
 
 /// The idle motions of the dependents; `None` if the independents leave other motions undetermined

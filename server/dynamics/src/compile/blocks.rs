@@ -5,6 +5,7 @@ use crate::closure::{Block, BlockCut, Blocks, Elimination, RowKind};
 use crate::compile::elimination;
 use crate::compile::matching::{matching, strongly_connected};
 use crate::mechanism::{Cluster, Cut, CutRow, Dof};
+use crate::spatial::Pose;
 
 /// Block triangular form of the used rows against the dependents, in the order of solution.
 ///
@@ -49,6 +50,42 @@ pub(super) fn blocks(
     let on_way: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j]).collect();
     let after = on_way.iter().copied().filter(|j| !form.placed[*j]).collect();
     Blocks { blocks: form.blocks, on_way, after }
+}
+
+/// Part of a lever that its column shows, squared, below which the rest counts.
+const IN_SIGHT: f64 = 0.25;
+
+/// The squares of the levers of a block, if its rows see a small part of one at some pose.
+pub(super) fn levers(
+    cluster: &Cluster<f64>,
+    block: &Block,
+    poses: &[&[Pose<f64>]],
+) -> Option<[f64; 3]> {
+    let [held] = &block.cuts[..] else { return None };
+    let cut = &cluster.cuts[held.cut];
+    let rows: Vec<&CutRow<f64>> = held.rows.iter().map(|(r, _)| &cut.rows[*r]).collect();
+    // points alone, in fewer directions than space has
+    let slides = rows.iter().all(|row| row.terms.is_empty() && row.angular.norm() == 0.0);
+    if rows.len() != 2 || !slides || !held.solve.iter().all(|(dof, ..)| dof.single) {
+        return None;
+    }
+    let mut levers = [0.0_f64; 3];
+    let mut hidden = false;
+    for pose in poses {
+        let frame = &pose[cut.predecessor];
+        let at = frame.point(&cut.x_p_cut.p);
+        for (dof, _, a) in &held.solve {
+            let body = &pose[dof.body + 1];
+            let axis = body.R.column(2).into_owned();
+            let lever = if dof.slides() { axis } else { axis.cross(&(at - body.p)) };
+            let all = lever.norm_squared();
+            let seen: f64 =
+                rows.iter().map(|row| (frame.R * row.linear_p).dot(&lever).powi(2)).sum();
+            hidden |= seen < IN_SIGHT * all;
+            levers[*a] = levers[*a].max(all);
+        }
+    }
+    hidden.then_some(levers)
 }
 
 /// For each used row the dependents on the path of its cut.
@@ -112,6 +149,7 @@ impl Form<'_> {
             offset,
             elimination,
             series,
+            levers: None,
             couples,
             remember,
             work: 0,

@@ -91,6 +91,7 @@ impl Builder<'_> {
             cuts: Vec::new(),
             rows: Vec::new(),
             used: Vec::new(),
+            other_rows: Vec::new(),
             length: 1.0,
             units: vec![1.0; n_v],
         });

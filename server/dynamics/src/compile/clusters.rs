@@ -29,11 +29,12 @@ pub(super) fn close_clusters(
         let is_solved = matches!(exact.closures[c], Closure::Coupling(_));
         let Some(analysis) = analyse(&subject, is_solved, errors, warnings) else { continue };
         record(&analysis, &subject, assembly, c, &mut closures);
-        let Analysis { used, choices, locked } = analysis;
+        let Analysis { used, other_rows, choices, locked } = analysis;
         let zero = &mut exact.zero[subject.cluster.coordinates()];
         let mut numerical = Numerical::new(choices, zero.to_vec());
         let cluster = &mut exact.clusters[c];
         cluster.used = used;
+        cluster.other_rows = other_rows;
         cluster.dependent.retain(|v| !locked.contains(v));
         cluster.locked = locked;
         if is_solved {

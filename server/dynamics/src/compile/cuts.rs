@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::compile::assemble::Builder;
 use crate::compile::geometry::{norm, pose, unit, vector};
+use crate::compile::rank::RANK_GAP;
 use crate::description::{self as written, Coupling, Loop, Row};
 use crate::mechanism::{Cut, CutRow, Motion, Screw};
 use crate::scalar::{Dd, Real, Triple};
@@ -12,6 +13,8 @@ use crate::spatial::{Matrix, Pose, zero};
 /// Cosine from which on a joint turns along a line, and sine from which on rows are independent.
 const PARALLEL: f64 = 1.0 - 1e-8;
 const SKEW: f64 = 1e-6;
+/// Sine of the angle between rows from which on they keep their digits.
+const OBLIQUE: f64 = 0.1;
 
 impl Builder<'_> {
     /// Adds cuts and couplings to their clusters; returns the submechanism of each external row.
@@ -66,6 +69,7 @@ impl Builder<'_> {
             terms,
             offset: -Dd::from_f64(coupling.offset),
             size: Dd::ONE,
+            leans: Vec::new(),
         };
         Cut {
             predecessor: 0,
@@ -121,7 +125,8 @@ impl Builder<'_> {
             ),
         };
         let x_p_cut = world[global(p)].inverse().then(&P);
-        let rows: Vec<CutRow<Dd>> = cycle.rows.iter().map(|row| unit_row(row, &x_p_cut)).collect();
+        let mut rows: Vec<_> = cycle.rows.iter().map(|row| unit_row(row, &x_p_cut)).collect();
+        straighten(&mut rows, &x_p_cut);
         let held = held_turns(&rows);
         let rows = rows.into_iter().map(|mut row| {
             let line = match held[..] {
@@ -202,6 +207,44 @@ fn unit_row(row: &Row, x_p_cut: &Pose<Dd>) -> CutRow<Dd> {
         terms: Vec::new(),
         offset: Dd::ZERO,
         size: own * of_turn,
+        leans: Vec::new(),
+    }
+}
+
+/// Rows that lean against each other become perpendicular ones, which hold the same directions
+/// with all digits. Rows that others imply stay.
+fn straighten(rows: &mut [CutRow<Dd>], x_p_cut: &Pose<Dd>) {
+    for linear in [true, false] {
+        let mut axes: Vec<(usize, Vector3<Dd>)> = Vec::new();
+        let mut found = Vec::new();
+        for (r, row) in rows.iter().enumerate() {
+            let [slide, turn] = [row.linear, row.angular];
+            let [mut rest, other] = if linear { [slide, turn] } else { [turn, slide] };
+            if row.against.is_some() || norm(&other) > Dd::ZERO {
+                continue;
+            }
+            let part = |(k, axis): &(usize, Vector3<Dd>)| {
+                let along = axis.dot(rest);
+                rest = rest.add_scaled(*axis, -along);
+                (r - k, along * row.size)
+            };
+            let leans: Vec<_> = axes.iter().map(part).collect();
+            let sine = norm(&rest);
+            if sine.to_f64() > RANK_GAP {
+                axes.push((r, rest.map(|x| x / sine)));
+                found.push((leans, sine));
+            }
+        }
+        if found.iter().all(|(_, sine)| sine.to_f64() > OBLIQUE) {
+            continue;
+        }
+        for ((r, axis), (leans, sine)) in axes.into_iter().zip(found) {
+            let row = &mut rows[r];
+            *if linear { &mut row.linear } else { &mut row.angular } = axis;
+            row.linear_p = x_p_cut.R.apply(row.linear);
+            row.size = row.size * sine;
+            row.leans = leans;
+        }
     }
 }
 

@@ -1,10 +1,11 @@
 //! Explains a mobility that contradicts the declared independents, and suggests a correction.
 
 use faer::Mat;
+use nalgebra::Vector6;
 
 use crate::closure::column_unit;
 use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, joined};
-use crate::compile::rank::{independent_rows, null_space, rank};
+use crate::compile::rank::{RANK_GAP, independent_rows, null_space, rank};
 use crate::compile::redundant::fitting_cuts;
 use crate::diagnostic::Diagnostic;
 use crate::mechanism::Cluster;
@@ -57,6 +58,7 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
         let kept = independent_rows(&K_d, rank(&K_d).min(K_d.nrows()));
         let redundant: Vec<usize> = (0..cluster.rows.len()).filter(|r| !kept.contains(r)).collect();
         found += &format!("; redundant rows: {}", joined(subject.row_names, &redundant));
+        found += &rounded_rows(subject, &redundant);
         fitting = fitting_cuts(subject, generic, &redundant);
     }
     if !moving.is_empty() {
@@ -71,6 +73,37 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
         format!("mobility {} as declared by jointnames_independent", cluster.n_vy),
         format!("change jointnames_independent{such_as} or loop_constraints{separator}{fitting}"),
     )
+}
+
+/// Names redundant rows that the rows before them in their cut imply up to a small angle, which
+/// counts as rounding.
+fn rounded_rows(subject: &Subject<'_>, redundant: &[usize]) -> String {
+    let mut words = String::new();
+    let mut names = subject.row_names.iter();
+    let mut first = 0;
+    for cut in &subject.cluster.cuts {
+        let mut axes: Vec<Vector6<f64>> = Vec::new();
+        let is_redundant = (first..first + cut.rows.len()).any(|r| redundant.contains(&r));
+        first += cut.rows.len();
+        for (row, name) in cut.rows.iter().zip(&mut names) {
+            if !row.terms.is_empty() || row.against.is_some() {
+                continue;
+            }
+            let [a, l] = [row.angular, row.linear / subject.cluster.length];
+            let whole = Vector6::new(a.x, a.y, a.z, l.x, l.y, l.z).normalize();
+            let rest = axes.iter().fold(whole, |rest, axis| rest - axis * axis.dot(&rest));
+            let sine = rest.norm();
+            if sine > RANK_GAP {
+                axes.push(rest / sine);
+            } else if is_redundant && sine > 1e-12 {
+                words += &format!(
+                    " ({name} leaves the span of the rows before it by {sine:.1e} rad, and up to \
+                     {RANK_GAP:.0e} rad count as rounding)"
+                );
+            }
+        }
+    }
+    words
 }
 
 /// True if the declared independents determine every joint away from the zero pose, where every

@@ -43,6 +43,8 @@ pub(crate) struct Cluster<T> {
     /// square system.
     pub(crate) rows: Vec<usize>,
     pub(crate) used: Vec<usize>,
+    /// Other such rows, where some are redundant: these have their singular poses elsewhere.
+    pub(crate) other_rows: Vec<Vec<usize>>,
     /// Characteristic length `[m]`.
     pub(crate) length: f64,
     /// Unit of each local velocity (n_v): 1 rad, a slider's the length; a joint that moves by
@@ -52,7 +54,7 @@ pub(crate) struct Cluster<T> {
 
 constants! { Cluster:
     keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
-        dependent_q local_parent active windings rows used length units;
+        dependent_q local_parent active windings rows used other_rows length units;
     each cuts;
 }
 

@@ -46,6 +46,9 @@ pub(crate) struct CutRow<T> {
     pub(crate) offset: T,
     /// Length of the declared row, whose K and k are these times `size`, and λ this over it.
     pub(crate) size: T,
+    /// Where the declared row leans against rows of its cut: how many before it, and its part of
+    /// them.
+    pub(crate) leans: Vec<(usize, T)>,
 }
 
 constants! { CutRow:
@@ -53,6 +56,7 @@ constants! { CutRow:
     map angular linear linear_p;
     each against screw;
     other terms: |f, (j, c)| (*j, f(*c));
+    other leans: |f, (back, x)| (*back, f(*x));
 }
 
 /// The line of a screw {predecessor's cut frame}, and the local joints along it with their sense:

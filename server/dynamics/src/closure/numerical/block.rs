@@ -46,6 +46,9 @@ pub(crate) struct Block {
     /// Where up to three unknowns are joints in series that carry one end of the only cut, whose
     /// rows are linear: whether that is the successor's.
     pub(crate) series: Option<bool>,
+    /// Squares of the levers of two or three unknowns where the rows may see a small part of them:
+    /// columns that are short turn quickly.
+    pub(crate) levers: Option<[f64; 3]>,
     /// All of its rows are couplings: one step of any length solves them.
     pub(crate) couples: bool,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step
@@ -160,6 +163,19 @@ impl Block {
         };
         let gain = inverse_square_sine(inverse, squares, m);
         Inverted { accurate: accurate(T::ONE, gain), gain, ..inverted }
+    }
+
+    /// 1/sin²α of a narrow block, whose columns have these squares, for the trust region: each
+    /// column counts as its lever where that is longer.
+    #[inline(always)]
+    pub(super) fn trust_gain<T: Real>(&self, inverse: &[T], squares: &[T], near: T) -> T {
+        let Some(levers) = &self.levers else { return near };
+        let mut longer = [T::ZERO; 3];
+        for ((x, square), lever) in longer.iter_mut().zip(squares).zip(levers) {
+            let lever = T::from_f64(*lever);
+            *x = T::select_lt(*square, lever, lever, *square);
+        }
+        inverse_square_sine(inverse, &longer, squares.len())
     }
 
     #[inline(always)]

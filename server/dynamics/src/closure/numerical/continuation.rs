@@ -7,7 +7,7 @@ use crate::closure::numerical::{Branches, Numerical};
 use crate::closure::path::distance;
 use crate::closure::{
     Level, Local, Outcome, Scratch, column_unit, constraint_jacobian, constraint_residual,
-    dependents_range, interpolate, largest_residual, local_poses, row_unit, scaled,
+    dependents_range, interpolate, largest_residual, local_poses, row_unit, rows_at, scaled,
 };
 use crate::linalg::{singular_range, solve_pivoted};
 use crate::mechanism::{Body, Cluster};
@@ -326,12 +326,13 @@ pub(in crate::closure) fn singular_status<T: Real>(
 /// True where the K in the scratch has lost rank.
 pub(crate) fn loses_rank<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
     let n = cluster.n_v;
-    let rows = cluster.used.len();
+    let used = rows_at(cluster, scratch);
+    let rows = used.len();
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;
     A[..n * rows].fill(T::ZERO);
     for columns in [&cluster.independent, &cluster.dependent] {
-        scaled(cluster, &scratch.K, cluster.used.iter().copied(), columns, |i, a, x| {
+        scaled(cluster, &scratch.K, used.iter().copied(), columns, |i, a, x| {
             A[columns[a] * rows + i] = x
         });
     }

@@ -20,9 +20,12 @@
 //! ```
 //! m is the distance that the independents have moved, α the least angle between a column of A at
 //! the start and the span of the others: the search for a pose stays well within the distance to
-//! the nearest singular pose. Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves
-//! again, as the error then is the cube of that step. In blocks of more than eight rows, whose
-//! inverse costs more than several residuals, it serves again after s_{k−1} < ε^(1/4) with s_{k−1}
+//! the nearest singular pose. Where the rows see a small part of a joint's lever, its column counts
+//! as long as the lever: a motion turns the rest of it into sight.
+//!
+//! Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves again, as the error then is
+//! the cube of that step. In blocks of more than eight rows, whose inverse costs more than several
+//! residuals, it serves again after s_{k−1} < ε^(1/4) with s_{k−1}
 //! < sin α / 100 already, and the error after a step is estimated from the contraction:
 //!
 //! ```text
@@ -201,7 +204,7 @@ impl Block {
         if self.couples {
             attempt.size = T::from_f64(f64::MAX);
         }
-        let mut inverse_square_sine = T::ZERO;
+        let mut trust = T::ZERO;
         let mut taken = 0;
         // poses at the start; of bodies whose parent stands still also that at zero of their joint
         for &(j, held) in &self.bodies {
@@ -218,10 +221,11 @@ impl Block {
             let fresh = !tiny && !kept;
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
-                inverse_square_sine = self.first_inverse::<T, M>(local, start, &mut attempt);
+                let near;
+                (near, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
                 attempt.gain = match self.width::<M>() {
                     1 => self.lever_gain(cluster, local),
-                    _ => inverse_square_sine,
+                    _ => near,
                 };
             } else if fresh {
                 attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
@@ -230,7 +234,7 @@ impl Block {
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
             taken += 1;
             if k == 0 && !self.couples {
-                attempt.check_trust(size, start.moved, inverse_square_sine);
+                attempt.check_trust(size, start.moved, trust);
             }
             attempt.check_contraction(size, residual, &thresholds, end.tolerance.is_some(), kept);
             if !attempt.good {
@@ -282,14 +286,15 @@ impl Block {
         inverse * inverse
     }
 
-    /// The inverse at the start, whose branch is compared with the old one; returns 1/sin²α.
+    /// The inverse at the start, whose branch is compared with the old one; returns 1/sin²α, and
+    /// that of the trust region.
     #[inline(always)]
     fn first_inverse<T: Real, const M: usize>(
         &self,
         local: &mut Local<'_, T>,
         start: Start<T>,
         attempt: &mut Attempt<T>,
-    ) -> T {
+    ) -> (T, T) {
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         if m <= 3 {
@@ -299,11 +304,13 @@ impl Block {
         attempt.det = start.branch.unwrap_or(inverted.det);
         attempt.check_branch(&inverted);
         if m > 3 {
-            return inverted.gain;
+            return (inverted.gain, inverted.gain);
         }
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
-        inverse_square_sine(inverse, &scratch.step[..m], m)
+        let squares = &scratch.step[..m];
+        let near = inverse_square_sine(inverse, squares, m);
+        (near, self.trust_gain(inverse, squares, near))
     }
 
     /// q ← q − A⁻¹ φ unless the attempt has converged; returns the size of the step.

@@ -163,6 +163,7 @@ impl Block {
         let mut A = [T::ZERO; NINE];
         let mut inverse = [T::ZERO; NINE];
         let mut near = T::ZERO;
+        let mut trust = T::ZERO;
         let mut taken = 0;
         for k in 0..end.steps {
             // φ(q_k), and A⁻¹ unless the chord rule keeps it
@@ -180,6 +181,7 @@ impl Block {
                 if k == 0 {
                     attempt.det = start.branch.unwrap_or(inverted.det);
                     near = inverse_square_sine(&inverse[..M * M], &squares, M);
+                    trust = self.trust_gain(&inverse[..M * M], &squares, near);
                 }
                 attempt.check_branch(&inverted);
                 attempt.gain = match (M, k) {
@@ -203,7 +205,7 @@ impl Block {
             }
             taken += 1;
             if k == 0 {
-                attempt.check_trust(size, start.moved, near);
+                attempt.check_trust(size, start.moved, trust);
             }
             attempt.check_contraction(size, residual, &thresholds, end.tolerance.is_some(), false);
             if !attempt.good {

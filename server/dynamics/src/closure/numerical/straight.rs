@@ -12,7 +12,7 @@ use crate::scalar::Real;
 impl<T: Real> Numerical<T> {
     /// One step of block b, by the first choice of rows, from the coordinates in `local.q`. Returns
     /// the size of the step, the residual before it, the determinant, and 1/sin²α of
-    /// [`super::newton`].
+    /// the trust region of [`super::newton`].
     pub(crate) fn one_step(
         &self,
         b: usize,
@@ -34,7 +34,8 @@ impl<T: Real> Numerical<T> {
             inverted.gain
         } else {
             let inverse = &scratch.inverse[block.offset..block.offset + m * m];
-            inverse_square_sine(inverse, &scratch.step[..m], m)
+            let squares = &scratch.step[..m];
+            block.trust_gain(inverse, squares, inverse_square_sine(inverse, squares, m))
         };
         let size = block.step::<T, ANY>(local, cluster.length, false);
         [size, residual, inverted.det, inverse_square_sine]

@@ -5,11 +5,12 @@ use sarrus_proto::{Field, Status};
 
 use crate::closure;
 use crate::closure::{
-    Scratch, column_unit, constraint_jacobian, constraint_residual, dependents_range, force_bias,
-    force_jacobian, largest_residual, local_rates, row_unit, scaled,
+    Scratch, column_unit, constraint_jacobian, constraint_residual, declared, declared_forces,
+    dependents_range, force_bias, force_jacobian, largest_residual, local_rates, row_unit, rows_at,
+    scaled,
 };
 use crate::linalg::{column_square, decompose, singular_range, solve_pivoted};
-use crate::mechanism::Cluster;
+use crate::mechanism::{Cluster, CutRow};
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::singular;
@@ -72,7 +73,7 @@ impl Plan {
                 constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
-                unscaled.add(K_d(cluster, &scratch.K, &mut scratch.A));
+                unscaled.add(K_d(cluster, scratch));
                 scaled.add(dependents_range(cluster, scratch));
             }
             let place = model.order.branches.iter().position(|branch| *branch == c);
@@ -108,10 +109,11 @@ impl Plan {
         let scratch = &mut ws.scratch;
         if let Some(slot) = self.want().slot(Field::K) {
             let K = &mut output[slot.range()];
-            for (r, (row, size)) in sized(cluster).enumerate() {
+            for (r, (row, of)) in rows(cluster).enumerate() {
                 for j in 0..cluster.n_v {
                     let column = model.order.v_external[cluster.v + j];
-                    K[row * model.sizes().n_v + column] = scratch.K[r * cluster.n_v + j] * size;
+                    let x = declared(of, r, |r| scratch.K[r * cluster.n_v + j]);
+                    K[row * model.sizes().n_v + column] = x;
                 }
             }
         }
@@ -121,15 +123,16 @@ impl Plan {
             local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
             force_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
             let k = &mut output[slot.range()];
-            sized(cluster).zip(&scratch.phi).for_each(|((row, size), x)| k[row] = *x * size);
+            for (r, (row, of)) in rows(cluster).enumerate() {
+                k[row] = declared(of, r, |r| scratch.phi[r]);
+            }
         }
     }
 }
 
-/// The external index of each local row, and the length of the declared row.
-fn sized<T: Real>(cluster: &Cluster<T>) -> impl Iterator<Item = (usize, T)> {
-    let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
-    cluster.rows.iter().zip(rows).map(|(row, of)| (*row, of.size))
+/// Each local row with its external index.
+fn rows<T>(cluster: &Cluster<T>) -> impl Iterator<Item = (usize, &CutRow<T>)> {
+    cluster.rows.iter().copied().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows))
 }
 
 /// The largest and least of several ranges of singular values.
@@ -154,12 +157,14 @@ impl<T: Real> Range<T> {
 }
 
 /// Range of the singular values of K_d in the units of the model.
-fn K_d<T: Real>(cluster: &Cluster<T>, K: &[T], A: &mut [T]) -> (T, T) {
+fn K_d<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
     let m = cluster.dependent.len();
-    for (i, &r) in cluster.used.iter().enumerate() {
-        let size = sized(cluster).nth(r).map_or(T::ONE, |(_, size)| size);
+    let used = rows_at(cluster, scratch);
+    let Scratch { K, A, .. } = scratch;
+    for (i, &r) in used.iter().enumerate() {
+        let Some((_, of)) = rows(cluster).nth(r) else { continue };
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            A[i * m + a] = K[r * cluster.n_v + j] * size;
+            A[i * m + a] = declared(of, r, |r| K[r * cluster.n_v + j]);
         }
     }
     singular_range(A, m, m)
@@ -175,16 +180,16 @@ fn loop_forces<T: Real>(
     lambda: &mut [T],
 ) -> Result<(), Status> {
     let m = cluster.dependent.len();
-    let rows = cluster.rows.len();
-    if rows == m {
+    let n_rows = cluster.rows.len();
+    if n_rows == m {
         for (a, &j) in cluster.dependent.iter().enumerate() {
-            for r in 0..rows {
+            for r in 0..m {
                 scratch.A[a * m + r] = scratch.K[r * cluster.n_v + j];
             }
             scratch.B[a] = rest[j];
         }
         solve_pivoted(&mut scratch.A, &mut scratch.B, m, 1).ok_or(Status::SingularClosure)?;
-        sized(cluster).zip(&scratch.B).for_each(|((row, size), x)| lambda[row] = *x / size);
+        declared_forces(cluster, &mut scratch.B, lambda);
         return Ok(());
     }
     decompose_dependents(cluster, scratch);
@@ -196,18 +201,17 @@ fn loop_forces<T: Real>(
             let unit = T::from_f64(column_unit(cluster, j));
             (V[b * m + a] * unit).mul_add(rest[j], sum)
         });
-        let square = column_square(A, rows, m, a);
+        let square = column_square(A, n_rows, m, a);
         if !T::ZERO.lt(square) {
             return Err(Status::SingularClosure);
         }
         scratch.step[a] = along / square;
     }
-    for (r, (row, cut_row)) in
-        cluster.rows.iter().zip(cluster.cuts.iter().flat_map(|cut| &cut.rows)).enumerate()
-    {
+    for (r, (_, of)) in rows(cluster).enumerate() {
         let x = (0..m).fold(T::ZERO, |sum, a| A[r * m + a].mul_add(scratch.step[a], sum));
-        lambda[*row] = x * T::from_f64(row_unit(cluster, cut_row)) / cut_row.size;
+        scratch.phi[r] = x * T::from_f64(row_unit(cluster, of));
     }
+    declared_forces(cluster, &mut scratch.phi, lambda);
     Ok(())
 }
 
@@ -231,6 +235,16 @@ fn determinate_forces<T: Real>(
         });
         let shared = T::from_f64(SHARED * SHARED).lt(T::ONE - inside);
         determinate[*row] = if shared { T::ZERO } else { T::ONE };
+    }
+    // a row against which others lean has the reaction that they leave it
+    let mut r = rows;
+    for of in cluster.cuts.iter().flat_map(|cut| &cut.rows).rev() {
+        r -= 1;
+        let own = determinate[cluster.rows[r]];
+        for (back, _) in of.leans.iter().filter(|(_, part)| *part != T::ZERO) {
+            let against = &mut determinate[cluster.rows[r - back]];
+            *against = *against * own;
+        }
     }
 }
 
