@@ -35,7 +35,7 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
-const FAMILIES: [Family; 41] = [
+const FAMILIES: [Family; 43] = [
     Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
     Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
     Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
@@ -60,6 +60,7 @@ const FAMILIES: [Family; 41] = [
         Own(invalid_numbers::all),
     ),
     Family("faulty file", "fault, by its number", Own(faulty_files::run)),
+    Family("quaternion of an origin", "rad from a pitch of 90°", Own(faulty_files::quaternions)),
     Family("redundant rows", "m by which redundant rows contradict each other", Own(redundant)),
     Family("idle freedoms", "y, rad", Own(idle_freedoms::run)),
     Family("loop in one subtree", "m from the cut to the centres of mass", Swept(&ONE_SUBTREE)),
@@ -101,6 +102,11 @@ const FAMILIES: [Family; 41] = [
         "poses that a path reaches",
         "rad from zero",
         Drawn([12, 300], &[], cranks_that_turn::reached),
+    ),
+    Family(
+        "rows in two directions of space",
+        "rad from zero",
+        Drawn([60, 1000], &[], cranks_that_turn::in_two_directions),
     ),
     Family(
         "light behind heavy",

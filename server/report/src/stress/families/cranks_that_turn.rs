@@ -10,7 +10,10 @@ use sarrus_dynamics::{Field, Request, Status};
 use crate::Outcome;
 use crate::robots::random::Random;
 use crate::stress::families::change_points::Bars;
-use crate::stress::harness::{At, Cases, Question, Reference, State};
+use crate::stress::harness::{
+    At, Cases, Question, Reference, State, Turn, cut, finish, joint, mechanism,
+};
+use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::approach::followed;
 use crate::stress::mechanisms::trains::{Draw, leg, train};
 
@@ -76,9 +79,40 @@ pub(crate) fn reached(cases: &mut Cases, seed: u64) -> Outcome {
     } else {
         ("leg of three closed chains", leg(&mut random)?, random.scale(0.01, 0.15))
     };
-    let name = format!("{name}, seed {seed}");
+    arrive(cases, &format!("{name}, seed {seed}"), of, size, &mut random)
+}
+
+/// A loop in space that is closed in two directions: its levers are out of sight in part.
+pub(crate) fn in_two_directions(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(7 << 32 | seed);
+    let mut of = mechanism(Kind::Numerical);
+    let ends = 1 + random.below(2);
+    let mut links = [BASE; 2];
+    let mut first = BASE;
+    for k in 0..3 {
+        let [x, y] = [(); 2].map(|()| [(); 3].map(|()| random.between(-0.7, 0.7)));
+        let end = &mut links[usize::from(k >= ends)];
+        *end = joint(&mut of, *end, Turn, x, y);
+        first = if k == 0 { *end } else { first };
+    }
+    let at = [(); 3].map(|()| random.between(-0.7, 0.7));
+    cut(&mut of, links[0], links[1], at, "xy");
+    // a zero pose where the rows do not determine the joints is no mechanism
+    let Ok(of) = finish(of, &[first], &[first]) else { return Ok(()) };
+    let size = random.scale(0.05, 0.7);
+    arrive(cases, &format!("two rows in space, seed {seed}"), of, size, &mut random)
+}
+
+/// Poses that small steps from zero reach are reached in one.
+fn arrive(
+    cases: &mut Cases,
+    name: &str,
+    of: Description,
+    size: f64,
+    random: &mut Random,
+) -> Outcome {
     let at = At { value: size, method: "numerical" };
-    let Some(robot) = cases.load(&name, at, of) else { return Ok(()) };
+    let Some(robot) = cases.load(name, at, of) else { return Ok(()) };
     for _ in 0..4 {
         let n = robot.compiled.model.sizes().n_qy;
         let y: Vec<f64> = (0..n).map(|_| size * random.next()).collect();
