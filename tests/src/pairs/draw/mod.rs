@@ -11,7 +11,7 @@ use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 use super::oracle::Oracle;
 use crate::rigid::{Pose, Vector, add, norm, unit};
 use crate::seed::Seeded;
-use whole::{limits, on_base, resize, springs};
+use whole::{lean, limits, on_base, resize, springs};
 
 /// Which features a robot has; each is drawn in detail from the seed.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,6 +42,12 @@ pub struct Features {
     pub balls: bool,
     /// Read from files in dialects.
     pub files: bool,
+    /// Rows that lean against each other.
+    pub oblique: bool,
+    /// Sums over the links and frames in every view are asked for too.
+    pub sums: bool,
+    /// Simulated, with springs between links and inputs, instead of asked.
+    pub simulated: bool,
 }
 
 /// A drawn robot.
@@ -50,6 +56,8 @@ pub struct Drawn {
     pub name: String,
     /// The robot.
     pub description: Description,
+    /// The same with other rows of the same cuts.
+    pub oblique: Option<Description>,
     /// A typical length of it `[m]`.
     pub length: f64,
     /// Reach of each joint that may be independent.
@@ -509,7 +517,8 @@ pub fn draw(with: Features, seeded: Seeded) -> Option<Drawn> {
         reach.push(0.0);
         name += &format!(", {size:.0e} m away");
     }
-    Some(Drawn { name, description, length, reach })
+    let oblique = with.oblique.then(|| lean(&description, &mut seeded));
+    Some(Drawn { name, description, oblique, length, reach })
 }
 
 /// The least pivot of the loops at the zero pose with these independents.

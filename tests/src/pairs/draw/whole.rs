@@ -88,6 +88,25 @@ pub(super) fn limits(of: &mut Description, seeded: &mut Seeded, length: f64) {
     }
 }
 
+/// Rows of one kind lean against those before them, by angles down to a thousandth.
+pub(super) fn lean(of: &Description, seeded: &mut Seeded) -> Description {
+    let mut of = of.clone();
+    for cut in of.submechanisms.iter_mut().flat_map(|part| &mut part.loops) {
+        let rows = cut.rows.iter().map(|row| row.axis).collect::<Vec<_>>();
+        let linear = |axis: &[f64; 6]| axis[..3].iter().all(|x| *x == 0.0);
+        for (k, row) in cut.rows.iter_mut().enumerate().filter(|(_, row)| row.against.is_none()) {
+            let by = 10f64.powf(seeded.within(-2.7, 0.0));
+            let mut axis = row.axis.map(|x| by * x);
+            for before in rows[..k].iter().filter(|axis| linear(axis) == linear(&row.axis)) {
+                let part = seeded.within(-1.0, 1.0);
+                (0..6).for_each(|i| axis[i] += part * before[i]);
+            }
+            row.axis = axis;
+        }
+    }
+    of
+}
+
 /// Puts the robot on a joint of a kind, up to this far from a new root.
 pub(super) fn on_base(of: &mut Description, kind: JointKind, seeded: &mut Seeded, size: f64) {
     let mut has_parent = vec![false; of.links.len()];

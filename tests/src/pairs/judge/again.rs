@@ -124,7 +124,7 @@ impl Judge<'_> {
         }
     }
 
-    fn has_quaternions(&self) -> bool {
+    pub(super) fn has_quaternions(&self) -> bool {
         let sizes = self.model.sizes();
         sizes.n_qy > sizes.n_vy
     }

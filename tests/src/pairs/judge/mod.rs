@@ -2,7 +2,9 @@
 
 mod again;
 mod forces;
+mod simulated;
 mod state;
+mod sums;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,8 +30,10 @@ const REGULAR: f64 = 0.03;
 /// Steps of a path, and those that decide about a difference.
 const COARSE: f64 = 0.1;
 const FINE: f64 = 3e-4;
-/// States of each robot.
-const STATES: usize = 4;
+/// States of each robot, which takes as long to compile as three states to judge.
+const STATES: usize = 8;
+/// Share of the unreachable states whose nearest y is sought, which takes as long as ten states.
+const SOUGHT: f64 = 0.1;
 
 /// Features that meet, by name.
 pub const PAIRS: &[(&str, Features)] = &[
@@ -57,6 +61,22 @@ pub const PAIRS: &[(&str, Features)] = &[
         "far x sizes x springs x turns",
         Features { far: true, sizes: true, springs: true, turns: true, ..NONE },
     ),
+    (
+        "simulation x springs x limits x locks",
+        Features { simulated: true, springs: true, limits: true, locks: true, ..NONE },
+    ),
+    (
+        "sums x views x far x floating",
+        Features { sums: true, far: true, floating: true, balls: true, ..NONE },
+    ),
+    (
+        "sums x views x locks x mimic x sizes",
+        Features { sums: true, locks: true, mimic: true, sizes: true, springs: true, ..NONE },
+    ),
+    (
+        "oblique x numerical x actuators",
+        Features { oblique: true, numerical: true, actuators: true, balls: true, ..NONE },
+    ),
 ];
 
 const NONE: Features = Features {
@@ -73,6 +93,9 @@ const NONE: Features = Features {
     actuators: false,
     balls: false,
     files: false,
+    oblique: false,
+    sums: false,
+    simulated: false,
 };
 
 /// Outcomes of the cases.
@@ -110,7 +133,7 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
         ledger.count("singular at zero");
         return false;
     }
-    let (compiled, read) = match compiled(&drawn, with, seed, ledger) {
+    let (mut compiled, mut read) = match compiled(&drawn, with, seed, ledger) {
         Ok(Some(compiled)) => compiled,
         Ok(None) => return false,
         Err(error) => {
@@ -123,7 +146,6 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
     };
     let mut locks = Vec::new();
     let mut is_reduced = false;
-    let mut model = compiled.model;
     if with.locks {
         let moving: Vec<usize> = (0..of.joints.len())
             .filter(|j| matches!(of.joints[*j].kind, JointKind::Revolute | JointKind::Prismatic))
@@ -148,8 +170,8 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
         };
         match locked(&read, &locks.iter().map(place).collect::<Vec<_>>()) {
             Ok(found) => match Model::compile(&found.description) {
-                Ok(compiled) => {
-                    model = compiled.model;
+                Ok(reduced) => {
+                    (compiled, read) = (reduced, found.description);
                     is_reduced = true;
                 }
                 Err(error) => {
@@ -166,6 +188,7 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
             }
         }
     }
+    let model = &compiled.model;
     let names: Vec<&String> = of.joints.iter().map(|x| &x.name).collect();
     // independent joints as the model has them
     let mut left: Vec<usize> = Vec::new();
@@ -185,16 +208,22 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
         drawn: &drawn,
         of,
         oracle,
-        model: &model,
+        rows_of: drawn.oblique.as_ref().unwrap_or(of),
+        description: &read,
+        model,
         shared: Arc::new(model.clone()),
         held: locks.iter().filter_map(|lock| Some((lock.joint, lock.position?))).collect(),
         independent,
         is_reduced,
     };
     // files take longer to read than a state to judge
-    for _ in 0..if with.files { 5 * STATES } else { STATES } {
+    for _ in 0..if with.files { 2 * STATES } else { STATES } {
         ledger.cases += 1;
-        judge.state(with, &mut seeded, ledger);
+        if with.simulated {
+            judge.simulated(&compiled, &mut seeded, ledger);
+        } else {
+            judge.state(with, &mut seeded, ledger);
+        }
     }
     true
 }
@@ -206,7 +235,7 @@ fn compiled(
     seed: u64,
     ledger: &mut Ledger,
 ) -> Result<Option<(Compiled, Description)>, String> {
-    let of = &drawn.description;
+    let of = drawn.oblique.as_ref().unwrap_or(&drawn.description);
     if !with.files {
         let compiled = Model::compile(of).map_err(|error| error.to_string())?;
         return Ok(Some((compiled, of.clone())));
@@ -239,6 +268,9 @@ struct Judge<'a> {
     seed: u64,
     drawn: &'a Drawn,
     of: &'a Description,
+    /// It with the rows as they are given, and as it was compiled.
+    rows_of: &'a Description,
+    description: &'a Description,
     oracle: Oracle<'a>,
     model: &'a Model,
     shared: Arc<Model>,
@@ -324,7 +356,7 @@ impl Judge<'_> {
     fn declared(&self, name: &str) -> f64 {
         let length = self.drawn.length;
         let size_of = |row: &Row| size(&row.axis[..3]).max(size(&row.axis[3..]) * length);
-        let mut cuts = self.of.submechanisms.iter().flat_map(|part| &part.loops);
+        let mut cuts = self.rows_of.submechanisms.iter().flat_map(|part| &part.loops);
         let Some((cut, row)) = name.split_once('/') else { return 0.0 };
         let Some(cut) = cuts.find(|of| of.name == cut) else { return 0.0 };
         // a file may name the rows after its cut joint

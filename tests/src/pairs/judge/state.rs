@@ -6,9 +6,10 @@ use sarrus_dynamics::description::{Joint, JointKind};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Request, Status, Warnings};
 
-use super::{COARSE, FINE, HELD, Judge, Ledger, REGULAR, size};
+use super::{COARSE, FINE, HELD, Judge, Ledger, REGULAR, SOUGHT, size};
 use crate::pairs::algebra::Matrix;
 use crate::pairs::draw::Features;
+use crate::pairs::oracle::{Motion, Oracle};
 use crate::seed::Seeded;
 use Field::{
     CY, FrameAcc, FramePose, FrameTwist, GBias, KBias, Limits, MY, Q, Qd, Qdd, Residual, TauQ,
@@ -109,7 +110,7 @@ impl Judge<'_> {
                     asked.answer.status.name()
                 ));
             }
-            if asked.answer.status == Status::Unreachable {
+            if asked.answer.status == Status::Unreachable && seeded.chance(SOUGHT) {
                 self.nearest(&y, ledger);
             }
             return;
@@ -218,9 +219,11 @@ impl Judge<'_> {
             && path.as_ref().is_some_and(|(path, _)| other(path).is_some())
             && let Some((fine, pivot)) = self.path(&zero, &targets, FINE)
             && pivot > REGULAR
-            && let Some((_, i)) = other(&fine)
+            && let Some((k, i)) = other(&fine)
         {
-            self.report(ledger, &format!("{} of another assembly or turn", q_names[*i]), 1.0);
+            let far = (asked.get(Q)[k] - fine[*i]).abs();
+            let what = format!("{} of another assembly or turn at y = {y:?}", q_names[*i]);
+            self.report(ledger, &what, far);
         }
 
         // dynamics
@@ -303,6 +306,10 @@ impl Judge<'_> {
             );
         }
 
+        if with.sums {
+            let moved = Motion { q: exact.clone(), qd: qd.clone(), qdd: qdd.clone() };
+            self.sums(&motion, frames, &exact, &rates, &moved, speed, ledger);
+        }
         self.pushed(&motion, frames[0], &poses, &rates.G, &tau_y, seeded, ledger);
 
         // K G = 0 and K q̈ = k
@@ -352,8 +359,10 @@ impl Judge<'_> {
             }
         }
         // rows as they were described
-        if !self.is_reduced && K.len() == oracle.n_rows() * n_v && with.redundant {
-            let exact_K = oracle.jacobian(&poses);
+        if !self.is_reduced && K.len() == oracle.n_rows() * n_v && (with.redundant || with.oblique)
+        {
+            let given = Oracle::new(self.rows_of, &self.independent, &[], length);
+            let exact_K = given.jacobian(&poses);
             // cuts come before couplings of their part; only robots without couplings are compared
             if of.joints.iter().all(|joint| joint.coupling.is_none()) {
                 for r in 0..oracle.n_rows() {

@@ -231,6 +231,11 @@ impl<'a> Oracle<'a> {
         self.q[joint]
     }
 
+    /// The coordinate of a velocity of a joint of one freedom.
+    pub fn coordinate_of(&self, v: usize) -> usize {
+        self.v.iter().position(|of| *of == v).map_or(0, |j| self.q[j])
+    }
+
     fn dependents(&self) -> Vec<usize> {
         let mut free = vec![true; self.n_v];
         for j in self.independent.iter().chain(&self.held) {

@@ -138,4 +138,35 @@ impl Oracle<'_> {
         }
         tau
     }
+
+    /// Mass, centre of mass, its velocity and acceleration, angular velocity and moment of momentum
+    /// about the centre of each link of some that has a mass.
+    pub fn bodies<T: Real>(&self, links: &[Link<T>], which: &[bool]) -> Vec<(T, [V3<T>; 5])> {
+        let some = self.of.links.iter().enumerate().filter(|(k, _)| which[*k]);
+        some.filter_map(|(k, link)| {
+            let inertial = link.inertial.as_ref()?;
+            let x = &links[k];
+            let frame = then(&Pose { R: x.R, p: [T::ZERO; 3] }, &placement(&inertial.origin));
+            let r = frame.p;
+            let v = add(x.d, cross(x.w, r));
+            let a = add(add(x.e, cross(x.a, r)), cross(x.w, cross(x.w, r)));
+            let [xx, xy, xz, yy, yz, zz] = inertial.inertia.map(T::from_f64);
+            let I = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+            let spin = apply(&frame.R, apply(&I, turned(&frame.R, x.w)));
+            Some((T::from_f64(inertial.mass), [add(x.p, r), v, a, x.w, spin]))
+        })
+        .collect()
+    }
+
+    /// Links that a joint moves of these names.
+    pub fn moved(&self, names: &[String]) -> Vec<bool> {
+        let mut moved = vec![false; self.of.links.len()];
+        for (joint, carries) in self.of.joints.iter().zip(&self.carries) {
+            let own = |name: &String| name.split('/').next() == Some(joint.name.as_str());
+            if names.iter().any(own) {
+                moved.iter_mut().zip(carries).for_each(|(moved, x)| *moved |= *x);
+            }
+        }
+        moved
+    }
 }
