@@ -587,7 +587,6 @@ mod tests {
     fn a_directory_of_somebody_else_is_refused() {
         let error = Domain::at(Path::new("relative")).unwrap_err();
         assert!(matches!(error, DomainError::Path { .. }), "{error}");
-        // a link of this user is no directory
         let link = std::env::temp_dir().join(format!("sarrus-link-{}", std::process::id()));
         std::os::unix::fs::symlink("/tmp", &link).unwrap();
         let error = Domain::at(&link).and_then(|domain| domain.make_root()).unwrap_err();
