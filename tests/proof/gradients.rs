@@ -300,7 +300,8 @@ fn a_four_bar_has_the_derivatives_of_its_equation_of_motion() {
     let b = [0.4 * c, 0.4 * s, 0.0];
     let d = [1.1, 0.0, 0.0];
     // the pin above both ends
-    let (x, y) = (d[0] - b[0], d[1] - b[1]);
+    let x = d[0] - b[0];
+    let y = d[1] - b[1];
     let square = x * x + y * y;
     let along = (1.0 + square - 0.64) / (2.0 * square);
     let across = (1.0 / square - along * along).sqrt();

@@ -94,8 +94,8 @@ pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
     Ok(assembled(include_str!("../page/page.html"), loaded, settings, robot, parts))
 }
 
-/// The robot as pages have it, in JSON: links with joints, inertia boxes and visuals, loops, limits.
-/// Allocates.
+/// The robot as pages have it, in JSON: links with joints, inertia boxes and visuals, loops and
+/// limits. Allocates.
 pub fn description(loaded: &Loaded, settings: &Settings) -> String {
     let mut robot = scene::scene(loaded, settings, &code::Code::default());
     visuals::add(&mut robot, &loaded.description, settings, LONGEST);

@@ -180,11 +180,13 @@ impl Judge<'_> {
             let name = &self.model.link_names()[usize::from(link)];
             self.of.links.iter().position(|link| link.name == *name).unwrap_or(0)
         };
-        let (f, r) = (place(frame), reference.map(place));
+        let f = place(frame);
+        let r = reference.map(place);
         // velocity, acceleration of the view, and the rate of its twist, from the link's
         let seen = |links: &[Link<Dd>]| -> (V3<Dd>, M3<Dd>, [V3<Dd>; 4], V3<Dd>) {
             let x = links[f];
-            let (o, one) = (Dd::ZERO, Dd::ONE);
+            let o = Dd::ZERO;
+            let one = Dd::ONE;
             let I = [[one, o, o], [o, one, o], [o, o, one]];
             let root = Pose { R: I, p: [o; 3] };
             let (root, w_r, d_r, a_r, e_r) = match r.map(|r| links[r]) {

@@ -312,7 +312,8 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
     for (u, name) in model.active_names().iter().enumerate() {
         let [low, high] = range[u];
         let margin = 0.1 * (high - low);
-        let (lower, upper) = (low - margin, high + margin);
+        let lower = low - margin;
+        let upper = high + margin;
         let velocity = (high - low) / chance.within(0.8, 2.0);
         let effort = 2.0 * gravity[u] + inertia[u] * velocity / 0.25;
         // some motors know their turn at the first report by being at most half a turn from 0
