@@ -210,6 +210,12 @@ fn a_stream_of_commands_that_ends_half_way_ends_without_power() {
             world.shafts[0].friction = 0.2;
             world.cycles(375);
             world.operate(Operation::Arm);
+            // set-points that ran ahead of a motor without power would be passed too quickly
+            if cycles == 400 {
+                while !world.is_enabled() {
+                    world.cycle();
+                }
+            }
             swing(&mut world, f64::from(cycles) * 4e-3);
             let begin_ns = world.now_ns;
             let mut fastest = 0.0_f64;
@@ -219,7 +225,8 @@ fn a_stream_of_commands_that_ends_half_way_ends_without_power() {
                 fastest = fastest.max(world.shafts[0].velocity.abs());
             }
             let (state, reason) = world.state(0);
-            assert_eq!(state, MechanismState::Disabled, "{name} {cycles} {}", reason.name());
+            let reason = reason.name();
+            assert_eq!(state, MechanismState::Disabled, "{name} {cycles} {reason} {fastest}");
             assert!(!world.shafts[0].motor.plant.power, "{name} {cycles}");
             assert!(fastest < 5.0, "{name} {cycles}: {fastest}");
         }
