@@ -242,7 +242,7 @@ fn straighten(rows: &mut [CutRow<Dd>], x_p_cut: &Pose<Dd>) {
             let row = &mut rows[r];
             *if linear { &mut row.linear } else { &mut row.angular } = axis;
             row.linear_p = x_p_cut.R.apply(row.linear);
-            row.size = row.size * sine;
+            row.size *= sine;
             row.leans = leans;
         }
     }

@@ -333,7 +333,7 @@ impl Judge<'_> {
             let [of_y, of_yd] = [error(&last.y, &at.y), error(&last.yd, &at.yd)];
             // Radau's order is five, and roundings of near rows grow
             let allowed = if method == Method::Dop853 { RIGHT } else { 10.0 * RIGHT };
-            if !(of_y.max(of_yd) < allowed) {
+            if of_y.is_nan() || of_yd.is_nan() || of_y.max(of_yd) >= allowed {
                 let events: Vec<&EventKind> = run.events.iter().map(|event| &event.kind).collect();
                 let what = format!("{} {events:?}", method.name());
                 self.report(ledger, &what, of_y.max(of_yd));
@@ -345,7 +345,7 @@ impl Judge<'_> {
     /// Limits that the run says to exceed are those of the reference at the samples.
     fn limits_of(&self, run: &sarrus_simulation::Run, visited: &[At], ledger: &mut Ledger) {
         let info = self.model.info();
-        let told = run.exceeded(&info);
+        let told = run.exceeded(info);
         let (q_names, _) = self.oracle.names();
         for name in self.model.tree_names() {
             let Some(joint) = self.of.joints.iter().find(|joint: &&Joint| joint.name == *name)

@@ -243,7 +243,7 @@ fn determinate_forces<T: Real>(
         let own = determinate[cluster.rows[r]];
         for (back, _) in of.leans.iter().filter(|(_, part)| *part != T::ZERO) {
             let against = &mut determinate[cluster.rows[r - back]];
-            *against = *against * own;
+            *against *= own;
         }
     }
 }
