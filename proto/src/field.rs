@@ -6,6 +6,11 @@ use core::ops::{BitOr, BitOrAssign, Sub};
 use crate::Sizes;
 use crate::wire_enum::wire_enum;
 
+/// Numbers of a task in [`Field::TaskTarget`].
+pub const TASK_NUMBERS: usize = 11;
+/// Most solutions of one answer.
+pub const MAX_SOLUTIONS: usize = 16;
+
 wire_enum! {
     /// A named block of numbers in a request or an answer. Fields are packed in the order of their
     /// numbers.
@@ -152,6 +157,38 @@ wire_enum! {
         DgBiasDyd = 62, "dg_bias_dyd";
         /// ∂(J ẏ)/∂y of each wanted frame at fixed ẏ (6 n_frames × n_vy).
         DjacobianDy = 63, "djacobian_dy";
+        /// Inertia of the frames together, Λ = (J M_y⁻¹ Jᵀ)⁺ (6 n_frames × 6 n_frames).
+        TaskInertia = 64, "Lambda";
+        /// Force of velocities and dampers at the frames, μ = Λ (J M_y⁻¹ h − J̇ ẏ) (6 n_frames).
+        TaskBias = 65, "mu";
+        /// Force of gravity and springs at the frames, p = Λ J M_y⁻¹ g (6 n_frames).
+        TaskGravity = 66, "p_task";
+        /// Rank of J M_y⁻¹ Jᵀ, and its least singular value that counts over the largest (2).
+        TaskRank = 67, "task_rank";
+        /// Targets of the tasks: position, quaternion x, y, z, w, direction of the frame's z axis,
+        /// weight; numbers of parts that a task does not have are not read (n_frames × 11).
+        TaskTarget = 68, "task_target";
+        /// Target of the centre of mass, in the root frame `[m]` (3).
+        ComTarget = 69, "com_target";
+        /// Least and greatest value of each independent coordinate, instead of the model's
+        /// (n_qy × 2).
+        BoundsY = 70, "bounds_y";
+        /// Least and greatest value of each actuator coordinate, instead of the model's (n_u × 2).
+        BoundsU = 71, "bounds_u";
+        /// Least `sigma_min` (1).
+        Clearance = 72, "clearance";
+        /// Independent coordinates from which a search starts (n_qy).
+        YGuess = 73, "y_guess";
+        /// Independent coordinates to stay near to, after all tasks (n_qy).
+        YPreferred = 74, "y_preferred";
+        /// Distance or angle to each target, the larger one, and of the centre of mass, NaN without
+        /// one (n_frames + 1).
+        TaskResidual = 75, "task_residual";
+        /// 1 at an active upper bound, −1 at a lower one, else 0: position, velocity and actuator
+        /// force of each tree coordinate; a last row for the clearance (n_v + 1 × 3).
+        Binding = 76, "binding";
+        /// Independent coordinates of every solution found, NaN behind the last (16 × n_qy).
+        Solutions = 77, "solutions";
     }
 }
 
@@ -202,7 +239,18 @@ impl Field {
             ComJacobian => (3, s.n_vy),
             Momentum => (6, 1),
             Centroidal => (6, s.n_vy),
-            Energy => (2, 1),
+            Energy | TaskRank => (2, 1),
+            TaskInertia => (6 * n_frames, 6 * n_frames),
+            TaskBias | TaskGravity => (6 * n_frames, 1),
+            TaskTarget => (n_frames, TASK_NUMBERS),
+            ComTarget => (3, 1),
+            BoundsY => (s.n_qy, 2),
+            BoundsU => (s.n_u, 2),
+            Clearance => (1, 1),
+            YGuess | YPreferred => (s.n_qy, 1),
+            TaskResidual => (n_frames + 1, 1),
+            Binding => (s.n_v + 1, 3),
+            Solutions => (MAX_SOLUTIONS, s.n_qy),
         }
     }
 
@@ -228,7 +276,7 @@ impl Field {
         use Field::*;
         matches!(
             self,
-            Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled
+            Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled | Binding
         )
     }
 }

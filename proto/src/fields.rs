@@ -104,6 +104,23 @@ fields! {
     DqddDy "n_v × n_vy" "mixed" "∂q̈/∂y at fixed ẏ and ÿ";
     DgBiasDyd "n_v × n_vy" "mixed" "∂g/∂ẏ, which is ∂q̈/∂ẏ at fixed ÿ";
     DjacobianDy "6 n_frames × n_vy" "mixed" "∂(J ẏ)/∂y of each frame at fixed ẏ";
+    TaskInertia "6 n_frames × 6 n_frames" "mixed" "inertia of the frames, Λ = (J M_y⁻¹ Jᵀ)⁺";
+    TaskBias "6 n_frames" "N m, N" "force of velocities and dampers, Λ (J M_y⁻¹ h − J̇ ẏ)";
+    TaskGravity "6 n_frames" "N m, N" "force of gravity and springs, Λ J M_y⁻¹ g";
+    TaskRank "2" "-" "rank of J M_y⁻¹ Jᵀ; its least singular value that counts over the largest";
+    TaskTarget "n_frames × 11" "m, -"
+        "target of each task: position, quaternion x, y, z, w, direction of the z axis, weight";
+    ComTarget "3" "m" "target of the centre of mass in the root frame";
+    BoundsY "n_qy × 2" "m, rad" "bounds of y instead of the model's";
+    BoundsU "n_u × 2" "m, rad" "bounds of u instead of the model's";
+    Clearance "1" "-" "least `sigma_min`";
+    YGuess "n_qy" "m, rad" "y from which a search starts";
+    YPreferred "n_qy" "m, rad" "y to stay near to, after all tasks";
+    TaskResidual "n_frames + 1" "m, rad"
+        "distance or angle to each target, the larger one; last that of the centre of mass";
+    Binding "n_v + 1 × 3" "-"
+        "1 or −1 at an active bound of position, velocity, effort; last row: clearance";
+    Solutions "16 × n_qy" "m, rad" "y of every solution found, NaN behind the last";
 }
 
 #[cfg(test)]
@@ -130,8 +147,9 @@ mod tests {
         };
         for (entry, field) in FIELDS.iter().zip(Field::ALL) {
             assert_eq!(entry.field, *field);
+            let term = |term: &str| term.split(' ').map(size).product::<usize>();
             let mut factors =
-                entry.shape.split(" × ").map(|part| part.split(' ').map(size).product());
+                entry.shape.split(" × ").map(|part| part.split(" + ").map(term).sum());
             let shape = (factors.next().unwrap(), factors.next().unwrap_or(1));
             assert_eq!(shape, field.shape(&sizes, n_frames, n_wrenches), "{}", field.name());
         }

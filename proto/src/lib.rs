@@ -51,12 +51,12 @@ pub mod socket;
 pub mod supervision;
 
 pub use answer::{Answer, FailedState};
-pub use field::{Field, FieldSet};
+pub use field::{Field, FieldSet, MAX_SOLUTIONS, TASK_NUMBERS};
 pub use fields::{FIELDS, FieldEntry};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};
-pub use query::{Axes, Query, QueryError, QueryOptions, Request, Tolerance};
+pub use query::{Axes, Query, QueryError, QueryOptions, Request, TaskParts, Tolerance};
 pub use query::{MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES};
 pub use rows::Rows;
 pub use status::{Status, Warnings};

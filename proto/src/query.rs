@@ -12,7 +12,7 @@ pub const MAX_JOINT_RUNS: usize = 31;
 /// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Words of a query that have no meaning yet.
-const RESERVED: usize = 15;
+const RESERVED: usize = 11;
 
 wire_enum! {
     /// The kinds of request.
@@ -25,10 +25,23 @@ wire_enum! {
         ForwardDynamics = 3, "forward-dynamics";
         /// Positions, velocities, accelerations and forces from one space to another.
         Map = 4, "map";
+        /// Poses of frames to the positions that reach them.
+        InverseKinematics = 5, "ik";
     }
 }
 
 impl Request {
+    /// The inputs of tasks.
+    const TARGETS: FieldSet = FieldSet::of(&[
+        Field::TaskTarget,
+        Field::ComTarget,
+        Field::BoundsY,
+        Field::BoundsU,
+        Field::Clearance,
+        Field::YGuess,
+        Field::YPreferred,
+    ]);
+
     /// The wanted fields of a request that names none.
     pub const fn default_want(self) -> FieldSet {
         match self {
@@ -37,12 +50,21 @@ impl Request {
             }
             Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
             Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
+            Request::InverseKinematics => FieldSet::of(&[
+                Field::Y,
+                Field::Q,
+                Field::U,
+                Field::TaskResidual,
+                Field::Iterations,
+                Field::Binding,
+            ]),
         }
     }
 
     /// The fields that a request of this kind can give.
     const fn inputs(self) -> FieldSet {
         use Field::*;
+        const TARGETS: FieldSet = Request::TARGETS;
         const MOTION: FieldSet =
             FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
         const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
@@ -51,6 +73,7 @@ impl Request {
             Request::InverseDynamics => MOTION.with(Wrenches),
             Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
             Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
+            Request::InverseKinematics => TARGETS.with(QGuess),
         }
     }
 
@@ -58,10 +81,23 @@ impl Request {
     const fn outputs(self) -> FieldSet {
         use Field::*;
         // every field except given-only ones, and the forces and masses of some requests
-        const ANSWERS: FieldSet =
-            FieldSet::of(Field::ALL).without(FieldSet::of(&[QGuess, QdGuess, Wrenches]));
+        const FOUND: FieldSet = FieldSet::of(&[TaskResidual, Binding, Solutions]);
+        const ANSWERS: FieldSet = FieldSet::of(Field::ALL)
+            .without(FieldSet::of(&[QGuess, QdGuess, Wrenches]))
+            .without(Request::TARGETS)
+            .without(FOUND);
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
-        const MASSES: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
+        const MASSES: FieldSet = FieldSet::of(&[
+            Lambda,
+            LambdaDeterminate,
+            MY,
+            CY,
+            CondMy,
+            TaskInertia,
+            TaskBias,
+            TaskGravity,
+            TaskRank,
+        ]);
         const OF_FORCES: FieldSet = FieldSet::of(&[
             DtauYDy,
             DtauYDyd,
@@ -78,6 +114,9 @@ impl Request {
             Request::InverseDynamics => INVERSE,
             Request::ForwardDynamics => ANSWERS.without(FORCES).without(OF_FORCES).with(TauY),
             Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
+            Request::InverseKinematics => {
+                FieldSet(FOUND.0 | FieldSet::of(&[Y, Q, U, Iterations, SigmaMin, FramePose]).0)
+            }
         }
     }
 }
@@ -91,6 +130,39 @@ wire_enum! {
         World = 1, "world";
         /// The frame's axes, at its origin.
         Local = 2, "local";
+    }
+}
+
+/// The parts of a frame that a task is about, and its priority, as bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
+#[repr(transparent)]
+pub struct TaskParts(pub u8);
+
+impl TaskParts {
+    /// The place of its origin.
+    pub const POSITION: TaskParts = TaskParts(1);
+    /// Its axes.
+    pub const ORIENTATION: TaskParts = TaskParts(2);
+    /// The direction of its z axis.
+    pub const AXIS: TaskParts = TaskParts(4);
+    /// Only as far as the tasks without this bit leave room.
+    pub const SECOND: TaskParts = TaskParts(8);
+
+    /// True when every bit of `other` is set.
+    pub const fn contains(self, other: TaskParts) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// The union.
+    #[must_use]
+    pub const fn with(self, other: TaskParts) -> TaskParts {
+        TaskParts(self.0 | other.0)
+    }
+
+    /// Known bits, with something to reach.
+    const fn is_task(self) -> bool {
+        self.0 < 16 && self.0 & 7 != 0
     }
 }
 
@@ -196,6 +268,8 @@ pub struct Query {
     /// One more than the index of the link that takes the root's place for frames: poses are in its
     /// frame, motions are those that it sees, and Jacobians theirs; 0 for the root.
     pub relative_to: u32,
+    /// Of a request with tasks: the parts of each of `frames`.
+    pub tasks: [TaskParts; MAX_FRAMES],
     /// Zeros: room for numbers of rows, links and parameters of later requests. A server refuses
     /// those that it does not know.
     pub reserved: [u64; RESERVED],
@@ -224,6 +298,8 @@ pub enum QueryError {
     UnknownLink(u16),
     /// Runs of joints that are empty, out of order or beyond the model's joints.
     BadJoints,
+    /// A task is malformed, or names no part of a frame.
+    BadTask(&'static str),
     /// A field cannot be given to this request.
     NotAnInput(Field),
     /// This request cannot return a field.
@@ -238,7 +314,7 @@ impl fmt::Display for QueryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             QueryError::UnknownRequest(code) => {
-                write!(f, "request number {code} is unknown; this version knows 1 to 4")
+                write!(f, "request number {code} is unknown; this version knows 1 to 5")
             }
             QueryError::UnknownField => {
                 write!(f, "a field number is unknown to sarrus {VERSION}; client and server differ")
@@ -256,6 +332,7 @@ impl fmt::Display for QueryError {
             QueryError::BadJoints => f.write_str(
                 "runs of joints are empty, out of order, or beyond the joints of the model",
             ),
+            QueryError::BadTask(why) => f.write_str(why),
             QueryError::NotAnInput(field) => {
                 write!(f, "`{}` is no input of this request", field.name())
             }
@@ -290,6 +367,7 @@ impl Query {
             joints: [[0; 2]; MAX_JOINT_RUNS],
             axes: Axes::Mixed as u32,
             relative_to: 0,
+            tasks: [TaskParts(0); MAX_FRAMES],
             reserved: [0; RESERVED],
         }
     }
@@ -321,6 +399,18 @@ impl Query {
     pub fn with_frames(mut self, links: &[u16]) -> Query {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
         self.frames.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
+        self
+    }
+
+    /// Sets the tasks, as links with their parts; adds [`Field::TaskTarget`] to the given
+    /// fields. Tasks beyond [`MAX_FRAMES`] are counted and refused by [`Query::check`].
+    #[must_use]
+    pub fn with_tasks(mut self, tasks: &[(u16, TaskParts)]) -> Query {
+        self.n_frames = tasks.len().min(u16::MAX as usize) as u16;
+        for ((frame, parts), task) in self.frames.iter_mut().zip(&mut self.tasks).zip(tasks) {
+            (*frame, *parts) = *task;
+        }
+        self.given = self.given.with(Field::TaskTarget);
         self
     }
 
@@ -397,6 +487,7 @@ impl Query {
         self.check_links(model)?;
         self.check_joints(model)?;
         self.check_given(request)?;
+        self.check_tasks(request)?;
         self.check_want(request)?;
         Ok(request)
     }
@@ -464,11 +555,33 @@ impl Query {
                 return Err(QueryError::Conflict(a, b));
             }
         }
+        if request == Request::InverseKinematics {
+            return match self.given.has_any(&[TaskTarget, ComTarget]) {
+                true => Ok(()),
+                false => Err(QueryError::Missing("what to reach: give tasks or com")),
+            };
+        }
         if !self.given.has_any(&[Y, Q, U]) {
             return Err(QueryError::Missing("where the robot is: give y, q or u"));
         }
         if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        Ok(())
+    }
+
+    fn check_tasks(&self, request: Request) -> Result<(), QueryError> {
+        let is_reached = request == Request::InverseKinematics;
+        let n = if is_reached { self.n_frames as usize } else { 0 };
+        let (asked, others) = self.tasks.split_at(n.min(MAX_FRAMES));
+        if !asked.iter().all(|parts| parts.is_task()) || others.iter().any(|parts| parts.0 != 0) {
+            return Err(QueryError::BadTask("a task asks for nothing, or for something unknown"));
+        }
+        if is_reached && self.given.has(Field::TaskTarget) != (n > 0) {
+            return Err(QueryError::BadTask("tasks and frames are not the same in number"));
+        }
+        if is_reached && self.axes != Axes::Mixed as u32 {
+            return Err(QueryError::BadTask("targets are in root axes, or in those of a link"));
         }
         Ok(())
     }

@@ -45,6 +45,7 @@ mod scaling;
 mod seeds;
 mod simulation;
 mod targets;
+mod tasks;
 mod tolerance;
 mod tutorial;
 mod vectors;

@@ -88,6 +88,8 @@ struct query {
     sarrus_axes axes = SARRUS_AXES_MIXED;
     /* The link that takes the root's place for frames; nullptr for the root. */
     const char *relative_to = nullptr;
+    /* Bits of sarrus_task_part for each of `frames`, of an inverse kinematics request. */
+    std::vector<std::uint8_t> tasks = {};
 };
 
 /* How a robot is loaded. */
@@ -242,6 +244,9 @@ class robot {
             query.projection_tolerance ? &*query.projection_tolerance : nullptr;
         plain.axes = query.axes;
         plain.relative_to = query.relative_to;
+        plain.tasks = query.tasks.size() == query.frames.size() && !query.tasks.empty()
+                          ? query.tasks.data()
+                          : nullptr;
         sarrus_plan *made = nullptr;
         const sarrus_status status = sarrus_robot_prepare(handle_.get(), &plain, &made);
         return {status, plan(made)};

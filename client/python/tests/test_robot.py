@@ -103,6 +103,27 @@ class Answers(unittest.TestCase):
         with self.assertRaisesRegex(sarrus.QueryError, "is no link"):
             robot.query("kinematics", ["y"], want, frames=[link], relative_to="hand")
 
+    def test_positions_are_found_for_tasks(self):
+        robot = sarrus.Robot.bundled("rh5v2_upper_body")
+        link = "ALWristRoll_Link"
+        y = np.full((3, len(robot.independents)), 0.1) + 0.05 * np.arange(3)[:, None]
+        poses = robot.frames(link, y).pose
+        task = {"frame": link, "p": poses[0, :3], "quat": poses[0, 3:]}
+        found = robot.ik([task], y_guess=y[0] + 0.01)
+        self.assertEqual(found.status, sarrus.Status.ok)
+        np.testing.assert_allclose(robot.frames(link, found.y).pose[:3], poses[0, :3], atol=2e-9)
+        rows = robot.ik([{"frame": link, "p": poses[:, :3], "quat": poses[:, 3:]}], y_guess=y)
+        np.testing.assert_array_equal(rows.status, [0, 0, 0])
+        np.testing.assert_allclose(rows.y, y, atol=1e-8)
+        far = robot.ik([{"frame": link, "p": [9, 9, 9]}])
+        self.assertEqual(far.status, sarrus.Status.not_reached)
+        self.assertTrue(np.isfinite(far.y).all() and far.task_residual[0] > 1)
+        narrow = np.array([[0.1, -0.1]] * len(robot.independents))
+        with self.assertRaises(sarrus.StateError):
+            robot.ik([task], bounds={"y": narrow})
+        with self.assertRaisesRegex(sarrus.QueryError, "means nothing"):
+            robot.ik([{"frame": link, "q": [0, 0, 0]}])
+
     def test_motion_and_forces_come_back_from_the_actuators(self):
         robot = sarrus.Robot.bundled("torso")
         y, yd, ydd, tau_y = np.array([[0.1, -0.2], [0.5, 0.3], [1.0, -2.0], [3.0, 4.0]])

@@ -146,6 +146,7 @@ class Robot:
         projection_tolerance: float | None = None,
         axes: str = "mixed",
         relative_to: str | None = None,
+        tasks: bytes | None = None,
     ) -> Query: ...
     @property
     def origin(self) -> Origin: ...

@@ -14,13 +14,14 @@ import numpy.typing as npt
 
 from sarrus import _native
 from sarrus.described import DescribedRobot
-from sarrus.errors import LoadError, QueryError, StateWarning
+from sarrus.errors import LoadError, QueryError, StateWarning, state_error
 from sarrus.options import GRAVITY, contents, parts
 from sarrus.page import Page
 from sarrus.query import Answer, Array, AxesName, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
 from sarrus.simulation import Constant, Gains, Method, Simulation, Table
 from sarrus.status import Status, Warnings
+from sarrus.tasks import finite, packed
 
 
 class Robot(DescribedRobot):
@@ -153,6 +154,7 @@ class Robot(DescribedRobot):
         projection_tolerance: float | None = None,
         axes: AxesName = "mixed",
         relative_to: str | None = None,
+        tasks: Sequence[int] | None = None,
     ) -> Query:
         """Prepare a query of any fields, by the names of `sarrus ask`.
 
@@ -161,9 +163,10 @@ class Robot(DescribedRobot):
         patterns (`AL*`) of the wanted rows. Twists, accelerations and Jacobians of frames are in
         root axes at the frame's origin (`axes="mixed"`), in root axes at the root's origin
         ("world") or in the frame's axes ("local"); the link `relative_to` takes the root's
-        place. A `QueryError` has every unknown name. The work of a
-        state is bounded; with `search` loops are followed, and `nearest_y` is sought, as long as
-        it takes.
+        place. `tasks` has the bits of what each of `frames` is asked for: 1 position, 2
+        orientation, 4 direction of z, 8 after the others. A `QueryError` has every unknown name.
+        The work of a state is bounded; with `search` loops are followed, and `nearest_y` is
+        sought, as long as it takes.
 
         >>> import sarrus
         >>> robot = sarrus.Robot.bundled("lambda")
@@ -185,8 +188,81 @@ class Robot(DescribedRobot):
                 projection_tolerance,
                 axes,
                 relative_to,
+                None if tasks is None else bytes(tasks),
             )
         )
+
+    def ik(
+        self,
+        tasks: Sequence[Mapping[str, Any]] = (),
+        *,
+        com: npt.ArrayLike | None = None,
+        bounds: Mapping[str, npt.ArrayLike] | None = None,
+        clearance: float | None = None,
+        y_guess: npt.ArrayLike | None = None,
+        y_preferred: npt.ArrayLike | None = None,
+        all: bool = False,
+        search: bool = False,
+        relative_to: str | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Answer:
+        """Give positions at which frames reach their targets, with every loop closed.
+
+        Each of `tasks` has a `frame` and any of `p` [m] (3), `quat` (x, y, z, w) and `axis`, the
+        direction of the frame's z axis; further a `weight` (1) and a `priority`: tasks of priority
+        1 only use what those of 0 leave free. `com` is a target of the centre of mass. The joints,
+        dependent ones and actuators included, stay inside the model's limits, or inside `bounds`
+        (`y` (n_qy, 2), `u` (n_u, 2)), and `sigma_min` above `clearance`. The search starts at
+        `y_guess`, and stays near `y_preferred` where the tasks leave room. Rows of targets are a
+        batch.
+
+        The answer has `y`, `q`, `u`, `task_residual`, `iterations`, `binding` and, with `all`,
+        `solutions`. Its status is `ok`, each residual at most 1e-9, or `not_reached`, the nearest
+        pose that breaks no bound; any other status of one state raises `StateError`.
+
+        >>> import sarrus
+        >>> robot = sarrus.Robot.bundled("lambda")
+        >>> link = robot.links[-1]
+        >>> pose = robot.frames(link, [0.3]).pose
+        >>> found = robot.ik([{"frame": link, "p": pose[:3], "quat": pose[3:]}])
+        >>> found.status.name, bool(abs(found.y[0] - 0.3) < 1e-8)
+        ('ok', True)
+        """
+        frames, parts, target = packed(tasks)
+        given: dict[str, npt.ArrayLike | None] = {
+            "task_target": target if frames else None,
+            "com_target": com,
+            "y_guess": y_guess,
+            "y_preferred": y_preferred,
+            "clearance": None if clearance is None else [clearance],
+        }
+        for space, pairs in (bounds or {}).items():
+            given[f"bounds_{space}"] = finite(pairs)
+        present = {name: array for name, array in given.items() if array is not None}
+        want = ["y", "q", "u", "task_residual", "iterations", "binding"]
+        query = self.query(
+            "ik",
+            list(present),
+            [*want, "solutions"] if all else want,
+            frames=frames,
+            search=search,
+            relative_to=relative_to,
+            tasks=parts,
+        )
+        arrays = [np.asarray(present[name], np.float64) for name in query.given]
+        inner = [len(shape) for shape in query.given.values()]
+        lead = np.broadcast_shapes(
+            *(x.shape[: x.ndim - n] for x, n in zip(arrays, inner, strict=True))
+        )
+        wide = [
+            np.ascontiguousarray(np.broadcast_to(x, (*lead, *x.shape[x.ndim - n :])))
+            for x, n in zip(arrays, inner, strict=True)
+        ]
+        answer = query.ask(wide, None, threads, progress, return_status=True)
+        if not lead and answer.status not in (Status.ok, Status.not_reached):
+            raise state_error(answer.status, answer)
+        return answer
 
     def state(
         self,

@@ -30,7 +30,8 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
             vec![rows / 6, 6, columns]
         }
         G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
-        | Centroidal | JdYd => {
+        | Centroidal | JdYd | TaskInertia | TaskTarget | BoundsY | BoundsU | Binding
+        | Solutions => {
             vec![rows, columns]
         }
         field if field.is_derivative() => vec![rows, columns],

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use sarrus_client::{Axes, Field, Request, Status, Warnings};
+use sarrus_client::{Axes, Field, Request, Status, TaskParts, Warnings};
 use sarrus_show::Settings;
 
 use super::arrays::zeros;
@@ -108,7 +108,7 @@ impl PyRobot {
     #[pyo3(name = "_prepare", signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
         checksum = false, search = false, loop_tolerance = None, projection_tolerance = None,
-        axes = "mixed", relative_to = None
+        axes = "mixed", relative_to = None, tasks = None
     ))]
     fn prepare(
         &self,
@@ -125,6 +125,7 @@ impl PyRobot {
         projection_tolerance: Option<f64>,
         axes: &str,
         relative_to: Option<String>,
+        tasks: Option<Vec<u8>>,
     ) -> PyResult<PyQuery> {
         let known = Request::ALL.iter().copied().find(|known| known.name() == request);
         let known = known.ok_or_else(|| {
@@ -144,7 +145,9 @@ impl PyRobot {
             if let Some(want) = want {
                 query = query.want(want);
             }
-            if !frames.is_empty() {
+            if let Some(parts) = tasks.filter(|parts| !parts.is_empty()) {
+                query = query.tasks(frames.into_iter().zip(parts.into_iter().map(TaskParts)));
+            } else if !frames.is_empty() {
                 query = query.frames(frames);
             }
             if let Some(joints) = joints {

@@ -2,10 +2,12 @@
 //! with the sparsity of a tree.
 
 mod dense;
+mod quadratic;
 mod tree_sparse;
 
 pub(crate) use dense::{
     column_square, decompose, determinant_sign, eliminate, invert, least_norm, singular_range,
     solve_pivoted, solve_sound, solve_unpivoted, substitute_back,
 };
+pub(crate) use quadratic::{Optimum, Quadratic, Rows};
 pub(crate) use tree_sparse::{TreeSparsity, factorise_full, factorise_tree, solve_tree};

@@ -17,6 +17,7 @@ mod run;
 mod scratch;
 mod state;
 mod steps;
+mod task;
 mod view;
 
 pub use batch::{Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
@@ -36,6 +37,7 @@ use crate::model::{Method, Model};
 use crate::plan::closed::Closed;
 use crate::plan::needed::Needed;
 use crate::plan::steps::{Space, Steps};
+use crate::plan::task::Tasks;
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
@@ -85,6 +87,8 @@ pub struct Plan {
     wrench_links: Vec<(usize, usize)>,
     needed: Needed,
     closed: Closed,
+    /// Of a request that searches for positions.
+    task: Option<Box<Tasks>>,
     /// States of a packet.
     batch_width: usize,
 }
@@ -134,6 +138,7 @@ impl Plan {
             wrench_links,
             needed,
             closed,
+            task: Tasks::of(model, query).map(Box::new),
             batch_width: 1,
         };
         plan.batch_width = plan.batch_width_on(model);
@@ -163,13 +168,19 @@ impl Plan {
     /// The square matrices that a workspace has to have.
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
-        let Steps { mass_matrix, conditions: dense, derivatives, .. } = self.steps;
-        Needs { mass_matrix, dense, kkt, derivatives }
+        let Steps { mass_matrix, conditions: dense, derivatives, task_space, .. } = self.steps;
+        let frames = if task_space { self.frames.len() } else { 0 };
+        Needs { mass_matrix, dense, kkt, derivatives, frames, search: self.task.is_some() }
     }
 
     /// True if a request may search as long as it takes.
     pub fn searches(&self) -> bool {
         self.query.options.contains(QueryOptions::SEARCH)
+    }
+
+    /// True if a request may take longer than the bound of the others.
+    pub fn is_long(&self) -> bool {
+        self.searches() || self.task.is_some()
     }
 
     fn wants(&self, field: Field) -> bool {

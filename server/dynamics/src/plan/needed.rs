@@ -58,6 +58,9 @@ pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
     [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
+/// Fields of all frames together, and of the whole mass matrix.
+pub(super) const OF_THE_TASKS: [Field; 4] =
+    [Field::TaskInertia, Field::TaskBias, Field::TaskGravity, Field::TaskRank];
 /// Forces, and the quantities in their rows.
 const FORCES: [Field; 6] =
     [Field::TauQ, Field::TauY, Field::TauU, Field::TauUnactuated, Field::CY, Field::MY];
@@ -178,6 +181,8 @@ fn roots<C>(
     let whole = want.has_any(&OF_THE_ROBOT)
         || steps.links
         || steps.derivatives
+        || steps.task_space
+        || request == Request::InverseKinematics
         || !has_rows && !steps.frames
         || request == Request::ForwardDynamics && method == Method::Kkt;
     let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();
@@ -188,7 +193,9 @@ fn roots<C>(
 
     let forces = match request {
         Request::InverseDynamics
-            if steps.force_derivatives || want.has_any(&[Field::Lambda, Field::CondMy]) =>
+            if steps.force_derivatives
+                || steps.task_space
+                || want.has_any(&[Field::Lambda, Field::CondMy]) =>
         {
             all()
         }

@@ -67,6 +67,7 @@ impl Plan {
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
             (steps.links, "sums over the links"),
             (steps.derivatives, "derivatives"),
+            (steps.task_space, "inertia of the frames"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {

@@ -20,7 +20,7 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        report: &RunReport<T>,
+        report: &mut RunReport<T>,
         output: &mut [T],
     ) -> Status {
         if self.steps.frames || self.steps.links {
@@ -44,6 +44,13 @@ impl Plan {
                 return status;
             }
         }
+        // after all fields that it overwrites in the workspace
+        if self.steps.task_space {
+            let status = self.write_task_space(model, ws, report, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
         if let Some(conditions) = conditions {
             let figures = [
                 (Field::Residual, conditions.residual),
@@ -63,10 +70,12 @@ impl Plan {
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
-        let may_be_infinite =
-            |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let may_be_infinite = |field| {
+            matches!(field, Field::CondKd | Field::CondGu | Field::CondMy)
+                || matches!(field, Field::TaskResidual | Field::Binding | Field::Solutions)
+        };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        let fits = if self.steps.conditions {
+        let fits = if self.steps.conditions || self.task.is_some() {
             slots.all(|slot| all_finite(&output[slot.range()]))
         } else {
             all_finite(output)
@@ -320,7 +329,7 @@ impl Plan {
 
     /// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given
     /// order.
-    fn independent_jacobian<T: Real>(
+    pub(super) fn independent_jacobian<T: Real>(
         &self,
         model: &Model<T>,
         ws: &Workspace<T>,

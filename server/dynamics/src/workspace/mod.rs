@@ -5,13 +5,16 @@
 mod body;
 mod derivatives;
 mod probe;
+mod search;
 
 use nalgebra::Vector3;
+use sarrus_proto::MAX_FRAMES;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use derivatives::{Column, Derivatives, Moving, Seen, Supported};
 pub(crate) use probe::Probe;
 use probe::longest_input;
+pub(crate) use search::{Search, TASK_ROWS};
 
 use crate::closure::{
     self, BUDGET, Closure, Level, Local, Numerical, Outcome, Scratch, TURN, UNBOUNDED,
@@ -107,6 +110,10 @@ pub struct Workspace<T: Real> {
     pub(crate) dense_spare: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
+    /// Matrices of the frames together, by `plan/task/space.rs`.
+    pub(crate) task: Vec<T>,
+    /// Of searches for positions, by `plan/task/`.
+    pub(crate) search: Option<Box<Search>>,
     /// Given numbers and precomputed closure results, by `plan/closed.rs`.
     pub(crate) closed: Vec<T>,
     /// Scratch to compute doubtful answers again, for scalars that support it.
@@ -131,6 +138,10 @@ pub(crate) struct Needs {
     pub(crate) kkt: bool,
     /// Derivatives.
     pub(crate) derivatives: bool,
+    /// Frames whose inertia is asked for.
+    pub(crate) frames: usize,
+    /// Positions are searched for.
+    pub(crate) search: bool,
 }
 
 impl Needs {
@@ -141,6 +152,8 @@ impl Needs {
             dense: self.dense | other.dense,
             kkt: self.kkt | other.kkt,
             derivatives: self.derivatives | other.derivatives,
+            frames: self.frames.max(other.frames),
+            search: self.search | other.search,
         }
     }
 }
@@ -149,7 +162,11 @@ impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        let needs = Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true };
+        // packets of states have none of the rare ones
+        let frames = if T::STRAIGHT { 0 } else { MAX_FRAMES };
+        let search = T::PROBED;
+        let needs =
+            Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true, frames, search };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
@@ -333,6 +350,8 @@ impl<T: Real> Workspace<T> {
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
+            task: of(task_numbers(needs.frames, sizes.n_vy)),
+            search: needs.search.then(|| Box::new(Search::new(&sizes))),
             closed: Vec::new(),
             probe: None,
             derivatives: needs.derivatives.then(|| Box::new(Derivatives::new(model, massless))),
@@ -346,6 +365,12 @@ impl<T: Real> Workspace<T> {
             loop_q: of(sizes.n_v),
         }
     }
+}
+
+/// Numbers of the matrices of so many frames together, over n independents.
+pub(crate) fn task_numbers(frames: usize, n: usize) -> usize {
+    let rows = 6 * frames;
+    2 * rows * n + 2 * rows * rows + 2 * rows
 }
 
 /// More numbers than any plan needs of closures by Newton's method; none where there are none.

@@ -37,7 +37,7 @@ pub(super) fn answer(
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
         // only few fields of a failed answer are valid
-        let is_valid = answer.status == Status::Ok
+        let is_valid = matches!(answer.status, Status::Ok | Status::NotReached)
             || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
         is_valid.then_some((slot, numbers))
     };
@@ -143,6 +143,13 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
         Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
         Field::Limits => write(out, &exceeded(numbers, model, &Rows::of(query, model).v)),
+        // without the centre of mass where it has no target
+        Field::TaskResidual => list(out, numbers.iter().filter(|x| !x.is_nan()), number),
+        Field::Binding => write(out, &binding(numbers, &model.tree)),
+        Field::Solutions => {
+            let found = numbers.chunks(slot.columns.max(1)).take_while(|y| !y[0].is_nan());
+            rows(out, found.count(), slot.columns, numbers);
+        }
         Field::Energy => {
             out.push(b'{');
             for (k, (name, x)) in ["kinetic", "potential"].iter().zip(numbers).enumerate() {
@@ -157,7 +164,8 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::MY
         | Field::ComJacobian
         | Field::Centroidal
-        | Field::JdYd => rows(out, slot.rows, slot.columns, numbers),
+        | Field::JdYd
+        | Field::TaskInertia => rows(out, slot.rows, slot.columns, numbers),
         field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
@@ -188,6 +196,13 @@ fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> 
         }
     }
     found
+}
+
+/// The names of active bounds: those of joints, and `clearance`.
+fn binding<'a>(numbers: &[f64], names: &'a [String]) -> Vec<&'a str> {
+    let names = names.iter().map(String::as_str).chain(["clearance"]);
+    let rows = names.zip(numbers.chunks_exact(3));
+    rows.filter(|(_, row)| row.iter().any(|x| *x != 0.0)).map(|(name, _)| name).collect()
 }
 
 /// The names whose number is 1.
