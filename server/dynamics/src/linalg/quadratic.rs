@@ -3,7 +3,7 @@
 //! Mathematical Programming 27, 1983\]: min ½ xᵀHx − gᵀx with lo ≤ A x ≤ hi.
 //!
 //! It starts from the free minimum and adds violated rows one at a time; the multipliers stay
-//! non-negative. The working set of the last program, where its numbers are kept, is tried first.
+//! non-negative.
 
 /// A violation below this, relative to the numbers of its row, is rounding.
 const ROUNDING: f64 = 1e-13;
