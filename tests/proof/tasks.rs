@@ -2,7 +2,7 @@
 //! targets, looked at again by kinematics.
 
 use sarrus_dynamics::description::Inertial;
-use sarrus_dynamics::scalar::Real;
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
     Answer, DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, PlanScalar, Query, Request,
     Status, TaskParts, Warnings, Workspace,
@@ -476,4 +476,12 @@ fn malformed_tasks_are_refused() {
     }
     let x = searching.ask(&at_place([f64::NAN, 0.0, 0.0]), &[]);
     assert_eq!(x.answer.status, Status::NonFiniteInput);
+
+    // other scalars have no search
+    let exact = &Case::bundled("lambda").compiled.exact;
+    let plan = Plan::new(exact, &base(&[(1, POSE)])).unwrap();
+    let target = at_place([1.0, 0.0, 0.0]).into_iter().map(Dd::from).collect::<Vec<Dd>>();
+    let mut y = [Dd::ZERO];
+    let answer = plan.run(exact, &mut Workspace::for_plans(exact, [&plan]), &target, &mut y);
+    assert!(answer.status == Status::WrongSize && !y[0].is_finite());
 }

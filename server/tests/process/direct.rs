@@ -83,7 +83,8 @@ fn search_all(robot: &mut Robot) -> [(Vec<Answer>, Vec<u64>); 2] {
 
     let n = robot.plan(plan).unwrap().want().len();
     let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect();
-    let (mut answers, mut output) = (Vec::new(), vec![0.0; 6 * n]);
+    let mut answers = Vec::new();
+    let mut output = vec![0.0; 6 * n];
     for (target, output) in targets.chunks(11).zip(output.chunks_mut(n)) {
         answers.push(robot.ask(plan, target, output).unwrap());
     }

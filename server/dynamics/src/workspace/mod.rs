@@ -164,9 +164,14 @@ impl<T: Real> Workspace<T> {
     pub fn new(model: &Model<T>) -> Workspace<T> {
         // packets of states have none of the rare ones
         let frames = if T::STRAIGHT { 0 } else { MAX_FRAMES };
-        let search = T::PROBED;
-        let needs =
-            Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true, frames, search };
+        let needs = Needs {
+            mass_matrix: true,
+            dense: true,
+            kkt: false,
+            derivatives: true,
+            frames,
+            search: true,
+        };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
@@ -299,6 +304,8 @@ impl<T: Real> Workspace<T> {
 
     /// Scratch with these square matrices and no others; without a probe.
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
+        // positions are searched for in doubles alone
+        let needs = Needs { search: needs.search && T::PROBED, ..needs };
         let sizes = model.sizes();
         let bodies = model.bodies.len();
         let none = T::Triple::zero();

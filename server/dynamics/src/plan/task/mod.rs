@@ -82,8 +82,8 @@ impl Tasks {
             let is_moved = |c: usize| bodies.iter().any(|i| model.cluster_of[*i] == c);
             (0..sizes.n_vy).filter(|k| is_moved(independents[*k].cluster)).collect()
         };
-        let (mut lower, mut upper) =
-            (vec![f64::NEG_INFINITY; sizes.n_v], vec![f64::INFINITY; sizes.n_v]);
+        let mut lower = vec![f64::NEG_INFINITY; sizes.n_v];
+        let mut upper = vec![f64::INFINITY; sizes.n_v];
         for limit in &model.limits {
             (lower[limit.v], upper[limit.v]) = (limit.lower, limit.upper);
         }
