@@ -226,6 +226,11 @@ fn inertia_and_forces_of_frames_come_as_matrices() {
     assert_eq!(shape(&answer["Lambda"]), (6, 6));
     assert_eq!(numbers(&answer["task_rank"]), [1.0, 1.0]);
     assert_eq!((numbers(&answer["mu"]).len(), numbers(&answer["p_task"]).len()), (6, 6));
+    for field in ["Lambda", "mu", "p_task", "task_rank"] {
+        let line = format!(r#"{{"y":[0.3],"want":["{field}"]}}"#);
+        let answer = ask("inverse-dynamics", "lambda", &[&line]).json().remove(0);
+        assert_eq!(answer["status"], "bad_request", "{field}");
+    }
 }
 
 #[test]
