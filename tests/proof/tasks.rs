@@ -133,7 +133,7 @@ fn forces_of_frames_accelerate_them_by_their_inertia() {
     }
 }
 
-/// A robot with what it needs to search.
+/// A robot and the tasks of its searches.
 struct Searching {
     robot: Robot<f64>,
     tasks: Vec<(u16, TaskParts)>,
@@ -146,7 +146,7 @@ impl Searching {
         Searching { robot: Robot::new(model.clone()), tasks }
     }
 
-    /// Poses of the frames and what else is wanted, at y.
+    /// Poses of the frames and the wanted fields, at y.
     fn at(&mut self, y: &[f64], want: &[Field]) -> Fields<f64> {
         let links: Vec<u16> = self.tasks.iter().map(|(link, _)| *link).collect();
         let want = [want, &[FramePose]].concat();
@@ -382,7 +382,7 @@ fn room_that_tasks_leave_goes_to_the_preferred_coordinates() {
     let given: [(Field, &[f64]); 2] = [(YGuess, &y), (YPreferred, &preferred)];
     let x = searching.ask(&targets, &given);
     assert_eq!(x.answer.status, Status::Ok);
-    // the way to them stands across what the task leaves free: it is Jᵀ of some force
+    // the way to them stands across the room that the task leaves: it is Jᵀ of some force
     let base = Query::new(Request::Kinematics, FieldSet::EMPTY, JacobianIndependent.into());
     let found = x.get(Y).to_vec();
     let J = searching.robot.ask_for(base.with_frames(&[searching.tasks[0].0]), &[(Y, &found)]);

@@ -163,7 +163,7 @@ class Robot(DescribedRobot):
         patterns (`AL*`) of the wanted rows. Twists, accelerations and Jacobians of frames are in
         root axes at the frame's origin (`axes="mixed"`), in root axes at the root's origin
         ("world") or in the frame's axes ("local"); the link `relative_to` takes the root's
-        place. `tasks` has the bits of what each of `frames` is asked for: 1 position, 2
+        place. `tasks` has the bits of the parts of each of `frames`: 1 position, 2
         orientation, 4 direction of z, 8 after the others. A `QueryError` has every unknown name.
         The work of a state is bounded; with `search` loops are followed, and `nearest_y` is
         sought, as long as it takes.
@@ -211,10 +211,10 @@ class Robot(DescribedRobot):
 
         Each of `tasks` has a `frame` and any of `p` [m] (3), `quat` (x, y, z, w) and `axis`, the
         direction of the frame's z axis; further a `weight` (1) and a `priority`: tasks of priority
-        1 only use what those of 0 leave free. `com` is a target of the centre of mass. The joints,
-        dependent ones and actuators included, stay inside the model's limits, or inside `bounds`
-        (`y` (n_qy, 2), `u` (n_u, 2)), and `sigma_min` above `clearance`. The search starts at
-        `y_guess`, and stays near `y_preferred` where the tasks leave room. Rows of targets are a
+        1 use only the room that those of 0 leave. `com` is a target of the centre of mass. The
+        joints, dependent ones and actuators included, stay inside the model's limits, or inside
+        `bounds` (`y` (n_qy, 2), `u` (n_u, 2)), and `sigma_min` above `clearance`. The search starts
+        at `y_guess`, and stays near `y_preferred` where the tasks leave room. Rows of targets are a
         batch.
 
         The answer has `y`, `q`, `u`, `task_residual`, `iterations`, `binding` and, with `all`,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sarrus.errors import QueryError
 from sarrus.query import Array
 
-# bits of what a task asks for, and the places of its numbers in a row of `task_target`
+# bits of the parts of a task, and the places of its numbers in a row of `task_target`
 PARTS = {"p": (1, slice(0, 3)), "quat": (2, slice(3, 7)), "axis": (4, slice(7, 10))}
 SECOND = 8
 WEIGHT = 10
