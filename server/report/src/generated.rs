@@ -18,7 +18,7 @@ use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
 use crate::measure::{Amount, Effort};
 use crate::page::{Section, Table, columns, exponent};
-use crate::peer::{Peer, Run, peers};
+use crate::peer::{Run, peers};
 use crate::reference::{References, layout, worse};
 use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
@@ -207,12 +207,7 @@ fn of_robot(
         made.push((question, code));
     }
     let times = interleaved(&mut cases, amount.rounds, |_| {})?;
-    let mut runs = Vec::new();
-    for peer in peers(robot, 0, amount.of_peer)? {
-        if let Peer::Measured { runs: of_peer, .. } = peer {
-            runs.extend(of_peer);
-        }
-    }
+    let (runs, _) = peers(robot, 0, amount.of_peer)?;
     for (k, (question, mut code)) in made.into_iter().enumerate() {
         if let Some(code) = &mut code {
             code.in_process = times[3 * k + 1].median();
@@ -248,10 +243,8 @@ fn fastest(
 ) -> Outcome<Option<f64>> {
     let mut fastest: Option<f64> = None;
     for run in runs.iter().filter(|run| run.question == question) {
-        let mut worst = 0.0_f64;
-        for (state, answer) in run.answers.iter().enumerate() {
-            worst = worse(worst, references.of_peer((question, start), state, answer)?);
-        }
+        let key = (question, start);
+        let worst = run.worst(|state, answer| references.of_peer(key, state, answer))?;
         if worst <= bound {
             fastest = Some(fastest.map_or(run.ns, |ns| ns.min(run.ns)));
         }

@@ -343,13 +343,7 @@ function stop() {
     makeSliders();
     set(now.y);
   });
-  const shown = element("shown");
-  shown.querySelector("[value=boxes]").checked = view.shown.boxes;
-  shown.querySelector("[value=shapes]").parentElement.hidden = robot.visuals.length === 0;
-  shown.addEventListener("change", (event) => {
-    view.shown[event.target.value] = event.target.checked;
-    view.draw();
-  });
+  chooseShown(element("shown"));
   element("swing").addEventListener("click", () => (swinging === null ? swing() : stop()));
   element("zero").addEventListener("click", () => {
     stop();

@@ -218,13 +218,7 @@ function stop() {
   open(element("canvas"));
   element("time").max = run.times.length - 1;
   run.charts.forEach(makeChart);
-  const shown = element("shown");
-  shown.querySelector("[value=boxes]").checked = view.shown.boxes;
-  shown.querySelector("[value=shapes]").parentElement.hidden = robot.visuals.length === 0;
-  shown.addEventListener("change", (event) => {
-    view.shown[event.target.value] = event.target.checked;
-    view.draw();
-  });
+  chooseShown(element("shown"));
   element("time").addEventListener("input", (event) => {
     stop();
     go(Number(event.target.value));

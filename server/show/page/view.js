@@ -391,6 +391,16 @@ function steer(canvas) {
   });
 }
 
+// the boxes that choose the drawn parts
+function chooseShown(shown) {
+  shown.querySelector("[value=boxes]").checked = view.shown.boxes;
+  shown.querySelector("[value=shapes]").parentElement.hidden = robot.visuals.length === 0;
+  shown.addEventListener("change", (event) => {
+    view.shown[event.target.value] = event.target.checked;
+    view.draw();
+  });
+}
+
 function open(canvas) {
   let draw = null;
   if (location.hash !== "#lines") {

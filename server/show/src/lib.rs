@@ -16,6 +16,9 @@ pub use motion::{Chart, Curve, Motion, POINTS, motion, sparse};
 /// The stack of a trace: its recursion is as deep as the robot.
 const STACK: usize = 16 << 20;
 
+/// The first lines of every page.
+const HEAD: &str = include_str!("../page/head.html");
+
 /// The longest page.
 const LONGEST: usize = 2_950_000;
 
@@ -124,6 +127,7 @@ fn assembled(
     let scripts: String = scripts.map(|text| format!("<script>{text}</script>\n")).collect();
     // names go last: no part of a page is a template of another
     template
+        .replace("@HEAD@", HEAD)
         .replace("@STYLE@", style)
         .replace("@TITLE@", &text(&loaded.description.name))
         .replace("@SCRIPTS@", &scripts)
@@ -136,6 +140,7 @@ pub fn index(robots: &[(&str, &str)]) -> String {
         format!("<li><a href=\"{name}.html\">{name}</a> {about}</li>\n")
     };
     include_str!("../page/index.html")
+        .replace("@HEAD@", HEAD)
         .replace("@STYLE@", include_str!("../page/page.css"))
         .replace("@ROBOTS@", &robots.iter().map(row).collect::<String>())
 }

@@ -3,6 +3,7 @@
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use sarrus_report::peer::compare::{Comparison, compare};
+use sarrus_report::peer::engines;
 
 use super::output::{Failure, FormatFlag, Outcome, Results};
 use super::robot::RobotFlags;
@@ -13,14 +14,11 @@ pub(crate) struct Compare {
     #[command(flatten)]
     robot: RobotFlags,
     /// The other engine; benches/peers/build.sh builds its program.
-    #[arg(long, value_name = "PEER", value_parser = PossibleValuesParser::new(PEERS))]
+    #[arg(long, value_name = "PEER", value_parser = PossibleValuesParser::new(engines()))]
     with: String,
     #[command(flatten)]
     format: FormatFlag,
 }
-
-/// The engines, as programs are named.
-const PEERS: [&str; 4] = ["pinocchio", "mujoco", "simbody", "drake"];
 
 impl Compare {
     pub(crate) fn run(self) -> Outcome {

@@ -31,7 +31,7 @@ STEP = 0.05
 
 
 class Moment(NamedTuple):
-    """A cycle of a log: what the bridge measured and was asked for, and a fault that is new."""
+    """A cycle of a log: measurements and set-points of the bridge, and a new fault."""
 
     seconds: float
     measured: dict[str, Any]
@@ -199,7 +199,7 @@ def replayed(
             y = independent(figure.robot, names, of.get("position", ()))
             if y is not None:
                 figure.move(y)
-        status.content = told(names, moment.measured)
+        status.content = state_text(names, moment.measured)
 
     clock.on_update(update)
     play = server.gui.add_checkbox("play", initial_value=False)
@@ -219,7 +219,7 @@ def replayed(
     threading.Thread(target=playing, daemon=True).start()
 
 
-def told(names: Sequence[str], state: dict[str, Any]) -> str:
+def state_text(names: Sequence[str], state: dict[str, Any]) -> str:
     """Give each mechanism that is not enabled with its reason, one line each."""
     lines: dict[str, list[str]] = {}
     for name, now, reason in zip(names, state["states"], state["reasons"], strict=False):
@@ -242,7 +242,7 @@ def watched(server: Any, figure: Figure, bridge: str) -> None:
             y = independent(figure.robot, names, state["position"])
             if y is not None:
                 figure.move(y)
-            status.content = told(names, state)
+            status.content = state_text(names, state)
 
     threading.Thread(target=following, daemon=True).start()
 

@@ -21,7 +21,7 @@ use crate::Outcome;
 use crate::measure::progress::Progress;
 use crate::measure::{Amount, Effort};
 use crate::page::{Figure, Section, Table, columns, exponent};
-use crate::peer::{self, Peer};
+use crate::peer;
 use crate::reference::{References, worse};
 use crate::robots::catalogue::{numerical, variants};
 use crate::robots::{Question, Robot, Subject, Variant};
@@ -134,14 +134,7 @@ fn robot_figures(
     let mut methods = methods::of_robot(robot)?;
     let mut references = References::new(robot);
     measure(robot, &mut methods, &mut references, amount.rounds, shown)?;
-    let mut runs = Vec::new();
-    let mut missing = Vec::new();
-    for peer in peer::peers(robot, 0, amount.of_peer)? {
-        match peer {
-            Peer::Measured { runs: of_peer, .. } => runs.extend(of_peer),
-            Peer::Missing(why) => missing.push(why),
-        }
-    }
+    let (runs, missing) = peer::peers(robot, 0, amount.of_peer)?;
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
         let of = methods.iter().filter(|of| of.question == question);

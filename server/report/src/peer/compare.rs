@@ -94,10 +94,8 @@ pub fn compare(description: Description, engine: &str) -> Outcome<Comparison> {
             ours = worse(ours, references.error(key, &want, state, &cases[k].output)?);
         }
         for run in runs.iter().filter(|run| run.question == question) {
-            let mut theirs = 0.0;
-            for (state, answer) in run.answers.iter().enumerate() {
-                theirs = worse(theirs, references.of_peer((question, start), state, answer)?);
-            }
+            let key = (question, start);
+            let theirs = run.worst(|state, answer| references.of_peer(key, state, answer))?;
             let (softness, why) = softness(&run.setting);
             let is_finding = theirs.is_nan() || theirs > AMPLIFIED * softness.max(ROUNDING);
             rows.push(Row {
@@ -151,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_peer_that_is_built_agrees_within_its_softness_and_an_absent_one_is_no_finding() {
-        for engine in crate::page::PEERS {
+        for engine in crate::peer::engines() {
             let found = compare(bundled("lambda").unwrap(), engine).unwrap();
             if !found.is_run {
                 assert!(found.peer.contains("not run") && found.rows.is_empty());

@@ -35,6 +35,21 @@ pub struct Run {
     pub answers: Vec<Vec<f64>>,
 }
 
+impl Run {
+    /// The largest error of its answers; `error` is that of an answer to the state of this number.
+    /// NaN if a number is missing.
+    pub(crate) fn worst(
+        &self,
+        mut error: impl FnMut(usize, &[f64]) -> Outcome<f64>,
+    ) -> Outcome<f64> {
+        let mut worst = 0.0;
+        for (state, answer) in self.answers.iter().enumerate() {
+            worst = worse(worst, error(state, answer)?);
+        }
+        Ok(worst)
+    }
+}
+
 /// A peer's answers about a robot.
 #[derive(Clone, Debug)]
 pub enum Peer {
@@ -49,14 +64,27 @@ pub enum Peer {
     },
 }
 
-/// Every peer's answers about a robot: each method is timed for about this long; guesses and closed
-/// poses are those of the variant at `place`.
+/// The runs of all peers on a robot, and the reasons of the missing ones: each method is timed for
+/// about this long; guesses and closed poses are those of the variant at `place`.
 ///
 /// # Errors
 ///
 /// A program that cannot be run, or whose output is malformed.
-pub fn peers(robot: &Robot, place: usize, seconds: f64) -> Outcome<Vec<Peer>> {
-    PEERS.iter().map(|name| peer(name, robot, place, seconds)).collect()
+pub fn peers(robot: &Robot, place: usize, seconds: f64) -> Outcome<(Vec<Run>, Vec<String>)> {
+    let mut runs = Vec::new();
+    let mut missing = Vec::new();
+    for name in engines() {
+        match peer(name, robot, place, seconds)? {
+            Peer::Measured { runs: of_peer, .. } => runs.extend(of_peer),
+            Peer::Missing(why) => missing.push(why),
+        }
+    }
+    Ok((runs, missing))
+}
+
+/// The names that [`peer`] takes, those of the programs.
+pub fn engines() -> impl Iterator<Item = &'static str> {
+    PEERS.into_iter().map(|(_, program)| program)
 }
 
 /// One peer's answers, as [`peers`].
@@ -65,12 +93,11 @@ pub fn peers(robot: &Robot, place: usize, seconds: f64) -> Outcome<Vec<Peer>> {
 ///
 /// As [`peers`].
 pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<Peer> {
-    let known = PEERS.into_iter().find(|name| name.eq_ignore_ascii_case(engine));
-    let engine = known.ok_or_else(|| format!("{engine} is no known engine"))?;
+    let known = PEERS.into_iter().find(|(_, program)| *program == engine);
+    let (engine, word) = known.ok_or_else(|| format!("{engine} is no known engine"))?;
     let missing = |why: String| Ok(Peer::Missing(format!("{engine}: not run{why}")));
     let name = &robot.description.name;
-    let word = engine.to_lowercase();
-    let Some(program) = program(&word) else {
+    let Some(program) = program(word) else {
         return missing(format!(", its program is not built; {BUILD} {word} builds it."));
     };
     let text = match text::input(robot, place, seconds) {
@@ -108,10 +135,7 @@ pub fn series(
 ) -> Outcome<Vec<Series>> {
     let mut all: Vec<Series> = Vec::new();
     for run in runs.iter().filter(|run| run.question == question) {
-        let mut worst = 0.0;
-        for (state, answer) in run.answers.iter().enumerate() {
-            worst = worse(worst, error(state, answer)?);
-        }
+        let worst = run.worst(&mut *error)?;
         let point = Point { x: run.ns, y: worst, label: run.setting.clone() };
         Series::add(&mut all, run.name.clone(), point).competes = true;
     }
@@ -188,7 +212,7 @@ mod tests {
         let mut compared = 0;
         for name in ["lambda", "torso", "wrist", "stewart", "rh5v2_upper_body", "rh5v2_full"] {
             let robot = Robot::load(Subject::Bundled(name), 4).unwrap();
-            let runs = match peer("Pinocchio", &robot, 0, 0.0).unwrap() {
+            let runs = match peer("pinocchio", &robot, 0, 0.0).unwrap() {
                 Peer::Missing(why) => return println!("not run: {why}"),
                 Peer::Measured { runs, .. } => runs,
             };

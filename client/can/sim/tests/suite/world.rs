@@ -216,7 +216,7 @@ pub(crate) struct World {
     pub(crate) robot: Option<Robot>,
     /// By how much the encoder of the robot is wrong, and its frames on their way.
     pub(crate) slip: f64,
-    pub(crate) told: VecDeque<(u64, Frame)>,
+    pub(crate) encoder_frames: VecDeque<(u64, Frame)>,
     /// Commands are made for another robot.
     pub(crate) is_stranger: bool,
     /// Any verdict on a command is right.
@@ -287,7 +287,7 @@ impl World {
             record: None,
             robot: None,
             slip: 0.0,
-            told: VecDeque::new(),
+            encoder_frames: VecDeque::new(),
             is_stranger: false,
             is_any_verdict: false,
             is_mute: false,
@@ -401,11 +401,11 @@ impl World {
                     self.put(at_ns, What::Frame(self.shafts[i].bus, frame));
                 }
             }
-            while let Some((at_ns, frame)) = self.told.front().copied() {
+            while let Some((at_ns, frame)) = self.encoder_frames.front().copied() {
                 if at_ns > self.now_ns {
                     break;
                 }
-                self.told.pop_front();
+                self.encoder_frames.pop_front();
                 self.put(at_ns, What::Frame(0, frame));
             }
         }
@@ -445,13 +445,13 @@ impl World {
         let Some(angle) = self.robot.as_ref().and_then(Robot::encoder) else { return };
         let at_ns = self.now_ns + BACK_NS + self.chance.within(0.0, back_ns as f64) as u64;
         let at_ns = at_ns.max(self.held_until_ns);
-        let at_ns = self.told.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
+        let at_ns = self.encoder_frames.back().map_or(at_ns, |(last, _)| at_ns.max(*last));
         if self.chance.within(0.0, 1.0) < self.loss || self.now_ns < self.lost_until_ns {
             return;
         }
         let [low, high] = (((angle + self.slip) / ENCODER_STEP).round() as i16).to_le_bytes();
         let frame = Frame::classic(Id::Standard(ENCODER_ID), &[0, low, high]);
-        self.told.extend(frame.map(|frame| (at_ns, frame)));
+        self.encoder_frames.extend(frame.map(|frame| (at_ns, frame)));
     }
 
     fn collect(&mut self, i: usize, now_ns: u64, out: &mut FrameQueue, back_ns: u64) {
