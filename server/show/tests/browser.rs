@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{Loaded, Options, Source, load, texts};
@@ -57,18 +58,26 @@ fn run_page(
     );
     let text = text.replacen("<head>", &format!("<head>{errors}"), 1);
     let text = text.replace("</body>", &format!("{script}</body>"));
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let path = folder.join(format!("{robot}_{width}_{height}{}.html", hash.replace('#', "_")));
+    // tests run beside each other: a page and a browser's profile belong to one run
+    static RUNS: AtomicUsize = AtomicUsize::new(0);
+    let number = RUNS.fetch_add(1, Relaxed);
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{robot}_{number}.html"));
+    let profile = path.with_extension("profile");
+    let _ = std::fs::remove_dir_all(&profile);
     std::fs::write(&path, text).unwrap();
     let mut command = Command::new("timeout");
-    command.args(["60", browser, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox"]);
+    command.args(["300", browser, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox"]);
     command.args(["--use-gl=angle", "--use-angle=swiftshader"]);
     command.args(["--virtual-time-budget=4000", "--dump-dom"]);
-    command.arg(format!("--user-data-dir={}", path.with_extension("profile").display()));
+    command.arg(format!("--user-data-dir={}", profile.display()));
     command.arg(format!("--window-size={width},{height}"));
     let output = command.arg(format!("file://{}{hash}", path.display())).output().unwrap();
     let dom = String::from_utf8_lossy(&output.stdout);
-    let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap_or_else(|| panic!("{dom:.300}")).1;
+    let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap_or_else(|| {
+        let errors = String::from_utf8_lossy(&output.stderr);
+        panic!("{robot}: {} {dom:.300} {errors:.2000}", output.status)
+    });
+    let answer = answer.1;
     let answer = answer.split_once("</pre>").unwrap().0;
     let plain = answer.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     let answer: Value = serde_json::from_str(&plain).unwrap();
