@@ -21,6 +21,8 @@ mod js;
 mod kernel;
 #[cfg(feature = "load")]
 mod load;
+// without shared objects manifests are written, not read
+#[cfg_attr(not(feature = "load"), allow(dead_code))]
 mod manifest;
 mod pair;
 mod prune;
