@@ -43,9 +43,8 @@ impl Scale {
         let value = if value > self.high { self.high } else { value };
         let place = (value - self.low) / self.range * self.most;
         let below = place.floor();
-        let rest = place - below;
-        let up = rest > 0.5 || rest == 0.5 && odd;
-        below as u16 + u16::from(up)
+        let half = if odd { 0.5_f64.next_down() } else { 0.5 };
+        below as u16 + u16::from(place - below > half)
     }
 
     /// The code next to a value on the side of zero, to a millionth of a step; where there is none,
