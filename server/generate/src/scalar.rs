@@ -242,6 +242,7 @@ impl Real for Traced {
     const ONE: Traced = Traced::constant(1.0);
     const EPSILON: f64 = <f64 as Real>::EPSILON;
     const STRAIGHT: bool = true;
+    const RECORDED: bool = true;
 
     fn from_f64(x: f64) -> Traced {
         Traced::constant(x)
@@ -334,6 +335,9 @@ impl Real for Traced {
             recorder::check(Check::Finite(self.stripped().term.unsigned()));
         }
         self.value.is_finite()
+    }
+    fn is_always_zero(self) -> bool {
+        self.is_zero()
     }
     fn select(condition: bool, a: Traced, b: Traced) -> Traced {
         let comparison = recorder::with(|record| record.choice(condition));

@@ -109,7 +109,7 @@ fn solve_of<T: Real>(
 /// Brings the largest entry of column k, on or below the diagonal, to its place; −1 where rows
 /// changed places, else 1.
 #[inline(always)]
-fn exchange<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
+pub(crate) fn exchange<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
     if T::STRAIGHT {
         return exchange_straight(A, B, m, n, k);
     }
@@ -131,26 +131,31 @@ fn exchange<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> 
     -T::ONE
 }
 
-/// Pivoted elimination without a branch on a value.
+/// Pivoted elimination without a branch on a value; rows that are zero in column k at every pose
+/// stay in their places.
 fn exchange_straight<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize, k: usize) -> T {
     // the row of the pivot, as a number
     let mut p = T::from_f64(k as f64);
     let mut largest = A[k * m + k].abs();
     for i in k + 1..m {
         let x = A[i * m + k].abs();
-        p = T::select_lt(largest, x, T::from_f64(i as f64), p);
-        largest = T::select_lt(largest, x, x, largest);
+        if !x.is_always_zero() {
+            p = T::select_lt(largest, x, T::from_f64(i as f64), p);
+            largest = T::select_lt(largest, x, x, largest);
+        }
     }
     let of_pivot = |i: usize, a: T, b: T| {
         T::select_lt((p - T::from_f64(i as f64)).abs(), T::from_f64(0.5), a, b)
     };
-    for (x, n) in [(A, m), (B, n)] {
-        for j in 0..n {
-            let before = x[k * n + j];
-            for i in k + 1..m {
-                let own = x[i * n + j];
-                x[k * n + j] = of_pivot(i, own, x[k * n + j]);
-                x[i * n + j] = of_pivot(i, before, own);
+    for i in k + 1..m {
+        if A[i * m + k].is_always_zero() {
+            continue;
+        }
+        for (x, n) in [(&mut *A, m), (&mut *B, n)] {
+            for j in 0..n {
+                let [own, pivot] = [x[i * n + j], x[k * n + j]];
+                x[k * n + j] = of_pivot(i, own, pivot);
+                x[i * n + j] = of_pivot(i, pivot, own);
             }
         }
     }

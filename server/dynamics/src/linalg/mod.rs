@@ -5,7 +5,7 @@ mod dense;
 mod tree_sparse;
 
 pub(crate) use dense::{
-    column_square, decompose, determinant_sign, eliminate, invert, least_norm, singular_range,
-    solve_pivoted, solve_sound, solve_unpivoted, substitute_back,
+    column_square, decompose, determinant_sign, eliminate, exchange, invert, least_norm,
+    singular_range, solve_pivoted, solve_sound, solve_unpivoted, substitute_back,
 };
 pub(crate) use tree_sparse::{TreeSparsity, factorise_full, factorise_tree, solve_tree};

@@ -66,6 +66,8 @@ pub trait Real:
     /// Whether one run stands for others, so that rows change places by [`Real::select`] and not by
     /// a branch.
     const STRAIGHT: bool = false;
+    /// Whether the operations of one run serve other poses: pivots are those of each.
+    const RECORDED: bool = false;
     /// Whether kernels are compiled for each small width and for joints in series. Rare scalars do
     /// without, since each copy takes time to compile.
     const UNROLLED: bool = false;
@@ -96,6 +98,11 @@ pub trait Real:
     fn lt(self, other: Self) -> bool;
     /// Neither NaN nor infinite.
     fn is_finite(self) -> bool;
+    /// Zero at every pose that a recorded run serves; not known elsewhere.
+    #[inline(always)]
+    fn is_always_zero(self) -> bool {
+        false
+    }
     /// `a` if the condition holds, else `b`.
     fn select(condition: bool, a: Self, b: Self) -> Self;
     /// `a` where x < y, else `b`. Each state of a packet chooses for itself, whereas the outcome of

@@ -71,7 +71,7 @@ fn deviation(plan: &Plan, found: &[f64], expected: &[f64]) -> f64 {
 fn javascript_closes_loops_by_newtons_method_as_the_plans_do() {
     let robots = match asked() {
         Some(_) => OTHERS.to_vec(),
-        None => vec!["five_bar", "bricard"],
+        None => vec!["five_bar", "bricard", "delta"],
     };
     let count = asked().unwrap_or(64);
     for robot in robots {
@@ -98,7 +98,8 @@ fn javascript_closes_loops_by_newtons_method_as_the_plans_do() {
         let mut inputs = RandomInputs::new(model, &plan);
         let given: Vec<Vec<f64>> = (0..count)
             .map(|k| {
-                let mut input = inputs.input(FRESH + k);
+                // anywhere in the limits
+                let mut input = inputs.input(FRESH + 4 * k);
                 input[guess.clone()].copy_from_slice(&zero);
                 input
             })
@@ -132,7 +133,7 @@ fn javascript_closes_loops_by_newtons_method_as_the_plans_do() {
             }
         }
         println!("{robot}: {both} of {count} as the plan, worst {worst:.1e}; {left} left to it");
-        assert!(both > count / 2 && left <= count / 10);
+        assert!(both > 0 && left == 0);
     }
 }
 

@@ -6,7 +6,7 @@
 //! the largest pivots of that pose.
 
 use crate::closure::numerical::inverse::{Inverted, least_pivot};
-use crate::linalg::{eliminate, substitute_back};
+use crate::linalg::{eliminate, exchange, substitute_back};
 use crate::scalar::Real;
 
 /// Largest multiplier of the elimination.
@@ -41,9 +41,11 @@ impl Elimination {
     ) -> Inverted<T> {
         let m = self.below.len();
         spare[..m * m].copy_from_slice(A);
-        let (sound, det) = self.in_order(A, inverse, m);
-        let (sound, det) =
-            if sound { (sound, det) } else { Elimination::pivoted(A, inverse, spare, m) };
+        // recorded operations have the largest pivots of every pose
+        let in_order = if T::RECORDED { None } else { Some(self.in_order(A, inverse, m)) };
+        let (sound, det) = in_order
+            .filter(|(sound, _)| *sound)
+            .unwrap_or_else(|| Elimination::pivoted(A, inverse, spare, m));
         Inverted { sound, accurate: true, gain: T::ONE, det }
     }
 
@@ -111,19 +113,7 @@ impl Elimination {
         let mut det = T::ONE;
         let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         for k in 0..m {
-            let mut p = k;
-            for i in k + 1..m {
-                if A[p * m + k].abs().lt(A[i * m + k].abs()) {
-                    p = i;
-                }
-            }
-            if p != k {
-                for j in 0..m {
-                    A.swap(k * m + j, p * m + j);
-                    inverse.swap(k * m + j, p * m + j);
-                }
-                det = -det;
-            }
+            det *= exchange(A, inverse, m, m, k);
             let pivot = A[k * m + k];
             let largest = (k..m).fold(T::ZERO, |x, j| larger(x, A[k * m + j].abs()));
             good &= (largest * T::from_f64(least_pivot::<T>())).lt(pivot.abs());
