@@ -13,6 +13,26 @@ use serde_json::Value;
 /// Width and height of windows: a phone, on its side too, a laptop, a large screen.
 const SIZES: [[u32; 2]; 4] = [[390, 844], [844, 390], [1280, 800], [2560, 1440]];
 
+/// For scripts: the colour of the drawing at a point of the root's frame, and how many pixels of a
+/// small copy are not transparent.
+const LOOK: &str = "
+    const drawn = (width, height) => {
+        view.draw();
+        const copy = document.createElement('canvas');
+        Object.assign(copy, { width, height });
+        const context = copy.getContext('2d');
+        context.drawImage(view.canvas, 0, 0, width, height);
+        return context;
+    };
+    const look = (p) => {
+        const { width, height, clientWidth, clientHeight } = view.canvas;
+        const at = pixel(p, clientWidth, clientHeight).map((x) => Math.round(x * width / clientWidth));
+        return [...drawn(width, height).getImageData(...at, 1, 1).data];
+    };
+    const painted = () => drawn(200, 200).getImageData(0, 0, 200, 200).data.filter(
+        (x, k) => k % 4 === 3 && x > 100).length;
+";
+
 fn loaded(robot: &str) -> Loaded {
     load(&Source::Bundled(robot.to_owned()), &Options::default()).unwrap()
 }
@@ -49,7 +69,7 @@ fn run_page(
     let script = format!(
         "<script>const answer = {{}};
         {{
-            try {{ {script} }} catch (error) {{ errors.push(String(error)); }}
+            try {{ {LOOK} {script} }} catch (error) {{ errors.push(String(error)); }}
             const out = document.createElement('pre');
             out.id = 'answer';
             out.textContent = JSON.stringify({{ ...answer, errors }});
@@ -142,18 +162,6 @@ fn a_page_is_one_small_file_without_outside_references() {
 #[test]
 fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
     let script = "
-        // the colour at a point of the root's frame, and whether it is the ground's
-        const copy = document.createElement('canvas');
-        const look = (p) => {
-            view.draw();
-            copy.width = view.canvas.width;
-            copy.height = view.canvas.height;
-            const of = copy.getContext('2d');
-            of.drawImage(view.canvas, 0, 0);
-            const scale = copy.width / view.canvas.clientWidth;
-            const [x, y] = pixel(p, view.canvas.clientWidth, view.canvas.clientHeight);
-            return [...of.getImageData(Math.round(x * scale), Math.round(y * scale), 1, 1).data];
-        };
         view.shown.boxes = view.shown.axes = view.shown.cuts = false;
         answer.kind = view.kind;
         const tip = () => {
@@ -244,13 +252,7 @@ fn a_slider_moves_the_robot_and_the_numbers_are_the_plans() {
 #[test]
 fn no_size_of_window_is_white_or_wider_than_itself() {
     let script = "
-        view.draw();
-        const copy = document.createElement('canvas');
-        copy.width = copy.height = 200;
-        const of = copy.getContext('2d');
-        of.drawImage(view.canvas, 0, 0, 200, 200);
-        const all = of.getImageData(0, 0, 200, 200).data;
-        answer.painted = all.filter((x, k) => k % 4 === 3 && x > 100).length;
+        answer.painted = painted();
         answer.wide = document.documentElement.scrollWidth;
         answer.width = innerWidth;
         answer.labelled = [...document.querySelectorAll('#sliders input')].every(
@@ -407,22 +409,10 @@ fn shapes_of_a_urdf_stand_on_their_links() {
         answer.corners = meshes.map((mesh) => mesh.length);
         answer.notes = element('fine').textContent;
         set([0.5]);
-        const copy = document.createElement('canvas');
-        const painted = () => {
-            view.draw();
-            copy.width = view.canvas.width;
-            copy.height = view.canvas.height;
-            const of = copy.getContext('2d');
-            of.drawImage(view.canvas, 0, 0);
-            const scale = copy.width / view.canvas.clientWidth;
-            const p = placed(view.worlds[1], [0.6, 0, 0.08]);
-            const [x, y] = pixel(p, view.canvas.clientWidth, view.canvas.clientHeight);
-            return [...of.getImageData(Math.round(x * scale), Math.round(y * scale), 1, 1).data];
-        };
         view.shown.boxes = view.shown.axes = false;
-        answer.shown = painted();
+        answer.shown = look(placed(view.worlds[1], [0.6, 0, 0.08]));
         view.shown.shapes = false;
-        answer.hidden = painted();
+        answer.hidden = look(placed(view.worlds[1], [0.6, 0, 0.08]));
     ";
     for (meshes, corners) in [(Meshes::All, 36), (Meshes::Hull, 36)] {
         let text = page(&loaded, &Settings { meshes, ..settings.clone() }).unwrap();
@@ -506,13 +496,7 @@ fn a_motion_moves_the_robot_with_the_cursor_of_its_curves() {
         answer.wide = document.documentElement.scrollWidth - innerWidth;
         answer.inside = [...document.querySelectorAll('.uplot')].every(
             (of) => of.getBoundingClientRect().right <= innerWidth + 1);
-        view.draw();
-        const copy = document.createElement('canvas');
-        copy.width = copy.height = 200;
-        const context = copy.getContext('2d');
-        context.drawImage(view.canvas, 0, 0, 200, 200);
-        const all = context.getImageData(0, 0, 200, 200).data;
-        answer.painted = all.filter((x, k) => k % 4 === 3 && x > 100).length;
+        answer.painted = painted();
         answer.labelled = slider.labels.length === 1 && slider.tabIndex === 0;
     ";
     for size in SIZES {
