@@ -50,6 +50,9 @@ pub enum GenerateError {
     /// The kernels did something that is not a straight line.
     #[error("the kernels take a decision by a number that cannot be traced")]
     NotStraight,
+    /// Lengths that are to be inputs.
+    #[error("these lengths do not move the points of the robot along straight lines")]
+    Lengths,
     /// The traced code is not the kernel.
     #[error("traced and generic numbers differ at input {input:?}")]
     Differs {

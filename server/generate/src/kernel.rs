@@ -4,6 +4,7 @@ use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{ModelInfo, Plan};
 
 use crate::graph::{Check, Operation, Term};
+use crate::lengths::Lengths;
 use crate::recorder::Limited;
 use crate::row::Row;
 
@@ -31,6 +32,8 @@ pub struct Kernel {
     pub(crate) outputs: Vec<Term>,
     pub(crate) checks: Vec<Check>,
     pub(crate) limited: Vec<Limited>,
+    /// Inputs behind all others.
+    pub(crate) lengths: Lengths,
     /// The states whose answers are tried in C.
     pub(crate) golden: Vec<Vec<f64>>,
 }
@@ -48,9 +51,10 @@ impl Kernel {
         self.operations.iter().filter(is_one).count()
     }
 
-    /// How many numbers go in: the given ones, and those that [`Plan::close`] puts behind them.
+    /// How many numbers go in: the given ones, those that [`Plan::close`] puts behind them, and
+    /// lengths.
     pub fn inputs(&self) -> usize {
-        self.plan.given().len() + self.plan.closed_len()
+        self.plan.given().len() + self.plan.closed_len() + self.lengths.values.len()
     }
 
     /// How many numbers come out.

@@ -19,6 +19,7 @@ mod error;
 mod graph;
 mod js;
 mod kernel;
+mod lengths;
 #[cfg(feature = "load")]
 mod load;
 // without shared objects manifests are written, not read
@@ -38,6 +39,7 @@ pub use compiler::{Built, Compiler};
 pub use error::{BuildError, GenerateError};
 pub use js::{Script, sigma_min};
 pub use kernel::{Kernel, Outcome};
+pub use lengths::Lengths;
 #[cfg(feature = "load")]
 pub use load::{
     Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin, Trial,

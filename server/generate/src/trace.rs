@@ -6,6 +6,7 @@ use sarrus_dynamics::{
 };
 
 use crate::graph::{Check, Comparison};
+use crate::lengths::Lengths;
 use crate::recorder::{self, Obstacle, Record, Traced};
 use crate::{GenerateError, Kernel, Outcome, RandomInputs, prune};
 
@@ -39,14 +40,27 @@ impl Kernel {
     /// Traces a plan on the model that it was made for, where most random states go, and compares
     /// the result with the plan's answers on others. Allocates.
     pub fn trace(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
-        Kernel::traced(model, plan, true)
+        Kernel::traced(model, plan, &Lengths::default(), true)
     }
 
     /// As [`Kernel::trace`] for a display: zeros may have the other sign than the plan's, and
     /// answers may have the warning `ill_conditioned`, which the code does not give. More states
     /// are answered, as at rest and at symmetric poses.
     pub fn trace_for_display(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
-        Kernel::traced(model, plan, false)
+        Kernel::traced(model, plan, &Lengths::default(), false)
+    }
+
+    /// As [`Kernel::trace_for_display`], with lengths of the robot as inputs behind all others.
+    ///
+    /// # Errors
+    /// Besides, [`GenerateError::Lengths`]: a constant of the code, as of a closed form, does not
+    /// move along a straight line.
+    pub fn trace_with_lengths(
+        model: &Model<f64>,
+        plan: &Plan,
+        lengths: &Lengths,
+    ) -> Result<Kernel, GenerateError> {
+        Kernel::traced(model, plan, lengths, false)
     }
 
     /// The branch that a plan takes at one given input, for states that the branch of most random
@@ -57,11 +71,13 @@ impl Kernel {
         input: &[f64],
     ) -> Result<Kernel, GenerateError> {
         check_fields(plan)?;
-        let mut generic = Generic::new(model, plan);
+        let lengths = &Lengths::default();
+        let mut generic = Generic::new(model, plan, lengths);
         let (last, _) = generic.answer(input);
         match generic.closed(input) {
             Some(closed) if last == Status::Ok => {
-                let kernel = at_state(model, plan, &closed, std::slice::from_ref(&closed), false)?;
+                let states = std::slice::from_ref(&closed);
+                let kernel = at_state(model, plan, lengths, &closed, states, false)?;
                 generic.compare(&kernel, input, false)?;
                 Ok(kernel)
             }
@@ -69,9 +85,14 @@ impl Kernel {
         }
     }
 
-    fn traced(model: &Model<f64>, plan: &Plan, is_strict: bool) -> Result<Kernel, GenerateError> {
+    fn traced(
+        model: &Model<f64>,
+        plan: &Plan,
+        lengths: &Lengths,
+        is_strict: bool,
+    ) -> Result<Kernel, GenerateError> {
         check_fields(plan)?;
-        let mut generic = Generic::new(model, plan);
+        let mut generic = Generic::new(model, plan, lengths);
         let mut states = Vec::new();
         let mut last = Status::Ok;
         for k in 0..TRIED {
@@ -86,7 +107,7 @@ impl Kernel {
         let mut best: Option<(usize, Kernel)> = None;
         let mut refused = None;
         for state in states.iter().take(TRACED) {
-            let kernel = match at_state(model, plan, state, &states, is_strict) {
+            let kernel = match at_state(model, plan, lengths, state, &states, is_strict) {
                 Ok(kernel) => kernel,
                 Err(error) => {
                     refused.get_or_insert(error);
@@ -138,6 +159,7 @@ fn check_fields(plan: &Plan) -> Result<(), GenerateError> {
 fn at_state(
     model: &Model<f64>,
     plan: &Plan,
+    lengths: &Lengths,
     state: &[f64],
     states: &[Vec<f64>],
     is_strict: bool,
@@ -150,22 +172,24 @@ fn at_state(
         }
         (answer.status == Status::Ok).then_some(output)
     };
-    let kernel = recorded(model, plan, state, is_strict, run)?;
+    let state = &state[..state.len() - lengths.values.len()];
+    let kernel = recorded(model, plan, lengths, state, is_strict, run)?;
     Ok(Kernel { golden: states.iter().take(GOLDEN).cloned().collect(), ..kernel })
 }
 
-/// The code of a function of kernels at one input; the function returns nothing where it fails.
-/// Unless `is_strict`, outputs may be zeros of the other sign.
+/// The code of a function of kernels at one input, behind which the lengths are inputs too; the
+/// function returns nothing where it fails. Unless `is_strict`, outputs may be zeros of the other sign.
 pub(crate) fn recorded(
     model: &Model<f64>,
     plan: &Plan,
+    lengths: &Lengths,
     input: &[f64],
     is_strict: bool,
     run: impl FnOnce(&Model<Traced>, &mut Workspace<Traced>, &[Traced]) -> Option<Vec<Traced>>,
 ) -> Result<Kernel, GenerateError> {
-    let traced = model.convert(Traced::constant);
-    let mut workspace = Workspace::for_plans(&traced, [plan]);
     recorder::start(RECORDED);
+    let traced = lengths.traced(model, input.len());
+    let mut workspace = Workspace::for_plans(&traced, [plan]);
     let given: Vec<Traced> = input.iter().enumerate().map(|(k, x)| Traced::input(k, *x)).collect();
     let output = run(&traced, &mut workspace, &given);
     let record = recorder::take();
@@ -190,9 +214,11 @@ pub(crate) fn recorded(
         outputs: output.iter().map(|x| x.term).collect(),
         checks,
         limited,
+        lengths: lengths.clone(),
         golden: Vec::new(),
     };
     let kernel = prune::pruned(kernel, &dropped);
+    Lengths::check(&kernel.operations)?;
     if kernel.operations.len() > COMPILED {
         return Err(GenerateError::TooLarge { most: COMPILED });
     }
@@ -219,21 +245,23 @@ fn record_doubt() {
 struct Generic<'a> {
     model: &'a Model<f64>,
     plan: &'a Plan,
+    lengths: &'a Lengths,
     inputs: RandomInputs<'a>,
     workspace: Workspace<f64>,
     output: Vec<f64>,
 }
 
 impl<'a> Generic<'a> {
-    fn new(model: &'a Model<f64>, plan: &'a Plan) -> Generic<'a> {
+    fn new(model: &'a Model<f64>, plan: &'a Plan, lengths: &'a Lengths) -> Generic<'a> {
         let workspace = Workspace::for_plans(model, [plan]);
         let inputs = RandomInputs::new(model, plan);
-        Generic { model, plan, inputs, workspace, output: vec![0.0; plan.want().len()] }
+        Generic { model, plan, lengths, inputs, workspace, output: vec![0.0; plan.want().len()] }
     }
 
-    /// The input of the code: with the results of closures by Newton's method.
+    /// The input of the code: with the results of closures by Newton's method, and lengths.
     fn closed(&mut self, input: &[f64]) -> Option<Vec<f64>> {
-        self.plan.close(self.model, &mut self.workspace, input).map(<[f64]>::to_vec)
+        let closed = self.plan.close(self.model, &mut self.workspace, input);
+        closed.map(|closed| [closed, &self.lengths.values].concat())
     }
 
     fn answer(&mut self, input: &[f64]) -> (Status, Warnings) {

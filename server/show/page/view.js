@@ -46,6 +46,8 @@ const shapes = robot.visuals.map((of) => {
       marks.push([end, points[k], loop.name]);
     });
   }
+  rods.push(...(robot.rods ?? []));
+  marks.push(...(robot.marks ?? []));
 })();
 
 const view = {
@@ -218,7 +220,7 @@ function solids(canvas) {
     scene.add(mesh);
     return mesh;
   };
-  const of = { rod: material(colour.rod), slide: material(colour.slide) };
+  const of = { rod: material(colour.rod), slide: material(colour.slide), grid: material(colour.grid) };
   const axisOf = material(colour.axis);
   const forceOf = material(colour.force);
   const momentOf = material(colour.moment);
@@ -267,7 +269,7 @@ function solids(canvas) {
     const now = colours();
     for (const [name, list] of [["rod", [of.rod]], ["slide", [of.slide]], ["axis", [axisOf]],
       ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]],
-      ["moment", [momentOf]], ["shape", [shapeOf]], ["grid", [].concat(grid.material)]]) {
+      ["moment", [momentOf]], ["shape", [shapeOf]], ["grid", [of.grid].concat(grid.material)]]) {
       list.forEach((each) => each.color.set(now[name]));
     }
     grid.geometry.deleteAttribute("color");

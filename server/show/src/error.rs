@@ -18,6 +18,14 @@ pub enum ShowError {
         /// The submechanisms.
         closures: String,
     },
+    /// A mechanism with lengths at which it cannot be assembled.
+    #[error("{mechanism} is not closed with these lengths at y = 0: {error}")]
+    Lengths {
+        /// Its name.
+        mechanism: &'static str,
+        /// Why.
+        error: String,
+    },
     /// A query has no code.
     #[error(transparent)]
     Generate(#[from] GenerateError),

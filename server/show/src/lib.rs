@@ -2,6 +2,7 @@
 
 mod code;
 mod error;
+mod lengths;
 mod mesh;
 mod motion;
 mod scene;
@@ -11,6 +12,7 @@ use sarrus_models::{Base, Loaded, Options, Source};
 use serde_json::Value;
 
 pub use error::ShowError;
+pub use lengths::{MECHANISMS, Mechanism};
 pub use motion::{Chart, Curve, Motion, POINTS, motion, sparse};
 
 /// The stack of a trace: its recursion is as deep as the robot.
@@ -86,15 +88,19 @@ impl Settings {
 /// # Errors
 /// [`ShowError`]: some query has no straight-line code, or Newton's method closes a loop.
 pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
-    let code = std::thread::scope(|scope| {
-        let builder = std::thread::Builder::new().stack_size(STACK);
-        let worker =
-            builder.spawn_scoped(scope, || code::code(loaded)).map_err(ShowError::Thread)?;
-        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })?;
+    let code = traced(|| code::code(loaded))?;
     let robot = scene::scene(loaded, settings, &code);
     let parts = [&code.text, include_str!("../page/motion.js"), include_str!("../page/panel.js")];
     Ok(assembled(include_str!("../page/page.html"), loaded, settings, robot, parts))
+}
+
+/// The result of something that traces, on a stack for that.
+fn traced<R: Send>(of: impl FnOnce() -> Result<R, ShowError> + Send) -> Result<R, ShowError> {
+    std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().stack_size(STACK);
+        let worker = builder.spawn_scoped(scope, of).map_err(ShowError::Thread)?;
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// The robot as pages have it, in JSON: links with joints, inertia boxes and visuals, loops and
@@ -123,13 +129,18 @@ fn assembled(
     visuals::add(&mut robot, &loaded.description, settings, LONGEST.saturating_sub(length));
     let robot = format!("const robot = {};", embedded(&robot.to_string()));
     let scripts = [three, first, &robot, geometry, motion, view, panel];
+    filled(template, &loaded.description.name, &scripts)
+}
+
+/// A template with its style, title and scripts.
+fn filled(template: &str, title: &str, scripts: &[&str]) -> String {
     let scripts = scripts.iter().filter(|text| !text.is_empty());
     let scripts: String = scripts.map(|text| format!("<script>{text}</script>\n")).collect();
     // names go last: no part of a page is a template of another
     template
         .replace("@HEAD@", HEAD)
-        .replace("@STYLE@", style)
-        .replace("@TITLE@", &text(&loaded.description.name))
+        .replace("@STYLE@", include_str!("../page/page.css"))
+        .replace("@TITLE@", &text(title))
         .replace("@SCRIPTS@", &scripts)
 }
 

@@ -83,6 +83,11 @@ fn gallery(folder: &Path) -> Outcome {
         files.push((folder.join(format!("{robot}.html")), page.into_bytes()));
         robots.push((robot, about));
     }
+    for mechanism in sarrus_show::MECHANISMS {
+        let page = mechanism.page().map_err(Failure::finding)?;
+        files.push((folder.join(format!("{}.html", mechanism.name)), page.into_bytes()));
+        robots.push((mechanism.name, mechanism.about));
+    }
     files.push((folder.join("index.html"), sarrus_show::index(&robots).into_bytes()));
     write_new(folder, &files)
 }

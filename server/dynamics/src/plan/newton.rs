@@ -17,6 +17,8 @@ pub struct NewtonCluster {
     pub blocks: Vec<NewtonBlock>,
     /// Residual at which an attempt ends.
     pub floor: f64,
+    /// Its characteristic length `[m]`.
+    pub length: f64,
 }
 
 /// A block of a cluster.
@@ -66,6 +68,7 @@ impl Plan {
                 independents: independents.collect(),
                 blocks: blocks.collect(),
                 floor: 8.0 * f64::EPSILON * cluster.length,
+                length: cluster.length,
             })
         };
         self.newton_only().map(cluster).collect()

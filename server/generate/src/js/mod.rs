@@ -21,7 +21,7 @@ use crate::error::BuildError;
 use crate::graph::{Operation, Term};
 use crate::row::{Measure, Row};
 use crate::run::{Cancel, run};
-use crate::{Kernel, Outcome};
+use crate::{Kernel, Lengths, Outcome};
 
 /// Operations of one function: V8 leaves functions of more than some 60 kB of its code
 /// unoptimised.
@@ -158,7 +158,7 @@ fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<
         let joints = list(&numbers.joints);
         format!("    {{ name: \"{}\", joints: [{joints}] }},\n", numbers.name)
     });
-    let (newton, closing) = match newton::newton(model, plan) {
+    let (newton, closing) = match newton::newton(model, plan, &kernel.lengths) {
         Ok(Some((newton, operations))) => (newton, Some(operations)),
         Ok(None) => ("const close = (given) => given;".to_owned(), Some(0)),
         Err(_) => ("const close = () => null;".to_owned(), None),
@@ -177,7 +177,7 @@ fn function(kernel: &Kernel, model: &Model<f64>, name: &str) -> (String, Option<
         ("@INPUTS@", count(kernel.inputs())),
         ("@OUTPUTS@", count(kernel.outputs())),
         ("@ROBOT@", plain(&info.robot)),
-        ("@GIVEN@", fields(kernel, plan.given(), false)),
+        ("@GIVEN@", fields(kernel, plan.given(), false) + &lengths(kernel)),
         ("@WANTED@", fields(kernel, plan.want(), true)),
         ("@NUMBERS@", numbers.collect()),
     ];
@@ -217,6 +217,16 @@ fn fields(kernel: &Kernel, layout: &Layout, is_wanted: bool) -> String {
         )
     };
     layout.slots().iter().map(line).collect()
+}
+
+/// The lengths behind the given fields, if there are any.
+fn lengths(kernel: &Kernel) -> String {
+    let Lengths { names, .. } = &kernel.lengths;
+    let at = kernel.plan.given().len();
+    let rows = names.len();
+    let names = plain(&names.join(", "));
+    let line = format!("    lengths: {{ at: {at}, rows: {rows}, columns: 1 }}, // {names}\n");
+    if rows > 0 { line } else { String::new() }
 }
 
 /// Text in a string and in a comment.

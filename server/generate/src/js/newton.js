@@ -75,15 +75,17 @@ function closed(cluster, q) {
 // the given numbers, with those of the closures behind them; nothing where a loop stays open
 function close(given) {
   const q = Float64Array.from(zero);
-  places.forEach((place, k) => (q[place] = given[k]));
+  for (const [place, k] of places) q[place] = given[k];
   for (const cluster of clusters) if (!closed(cluster, q)) return null;
   const numbers = new Float64Array(count);
-  const both = new Float64Array(given.length + q.length);
-  both.set(given);
-  both.set(q, given.length);
+  const both = new Float64Array(size + q.length);
+  for (let k = 0; k < size; k++) both[k] = given[k];
+  both.set(q, size);
   if (rates(both, numbers) & 2) return null;
+  // lengths come last
   const all = new Float64Array(given.length + count);
-  all.set(given);
-  all.set(numbers, given.length);
+  all.set(both.subarray(0, size));
+  all.set(numbers, size);
+  for (let k = size; k < given.length; k++) all[count + k] = given[k];
   return all;
 }

@@ -5,7 +5,7 @@ use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, Model, NewtonCluster, Plan};
 
 use super::{compiled, literal};
-use crate::GenerateError;
+use crate::{GenerateError, Lengths};
 use crate::recorder::Traced;
 use crate::trace::recorded;
 
@@ -13,6 +13,7 @@ use crate::trace::recorded;
 pub(super) fn newton(
     model: &Model<f64>,
     plan: &Plan,
+    lengths: &Lengths,
 ) -> Result<Option<(String, usize)>, GenerateError> {
     if !plan.closes_apart() {
         return Ok(None);
@@ -23,7 +24,7 @@ pub(super) fn newton(
     let mut operations = 0;
     let mut text = String::new();
     for cluster in &clusters {
-        text += &cluster_text(model, plan, cluster, &zero, &mut operations)?;
+        text += &cluster_text(model, plan, lengths, cluster, &zero, &mut operations)?;
     }
     // the levels below the position, at zero and at rest
     let given = plan.given().len();
@@ -35,17 +36,21 @@ pub(super) fn newton(
         }
     }
     input.extend(&zero);
-    let rates = recorded(model, plan, &input, false, |model, workspace, input| {
+    let rates = recorded(model, plan, lengths, &input, false, |model, workspace, input| {
         let mut output = vec![Traced::ZERO; plan.closed_len()];
         let (given, q) = input.split_at(given);
         plan.closed_at(model, workspace, given, q, &mut output).then_some(output)
     })?;
     operations += rates.operations();
     let list = |numbers: &[f64]| numbers.iter().map(|x| literal(*x)).collect::<Vec<_>>().join(", ");
+    // y and the lengths among the given numbers, and their places among the coordinates and lengths
+    let more = (0..lengths.values.len()).map(|l| [zero.len() + l, given + l]);
+    let places: Vec<[usize; 2]> =
+        places.iter().enumerate().map(|(k, place)| [*place, k]).chain(more).collect();
     let text = format!(
-        "const zero = [{}];\nconst places = {places:?};\nconst clusters = [\n{text}];\n\
-         const rates = {};\n{}",
-        list(&zero),
+        "const zero = [{}];\nconst size = {given};\nconst places = {places:?};\n\
+         const clusters = [\n{text}];\nconst rates = {};\n{}",
+        list(&[&zero[..], &lengths.values].concat()),
         compiled(&rates),
         include_str!("newton.js"),
     );
@@ -55,13 +60,14 @@ pub(super) fn newton(
 fn cluster_text(
     model: &Model<f64>,
     plan: &Plan,
+    lengths: &Lengths,
     cluster: &NewtonCluster,
     zero: &[f64],
     operations: &mut usize,
 ) -> Result<String, GenerateError> {
     let mut text = String::new();
     for block in &cluster.blocks {
-        let step = recorded(model, plan, zero, false, |model, workspace, q| {
+        let step = recorded(model, plan, lengths, zero, false, |model, workspace, q| {
             let mut output = vec![Traced::ZERO; block.outputs()];
             Plan::newton_step(model, workspace, block, q, &mut output);
             Some(output)
@@ -75,9 +81,12 @@ fn cluster_text(
             compiled(&step)
         );
     }
-    let independents = cluster.independents.iter();
+    // a change of a length is a way like that of an independent
+    let unit = 1.0 / cluster.length;
+    let more = (0..lengths.values.len()).map(|l| (zero.len() + l, unit));
+    let independents = cluster.independents.iter().copied().chain(more);
     let independents: String =
-        independents.map(|(place, unit)| format!("[{place}, {}], ", literal(*unit))).collect();
+        independents.map(|(place, unit)| format!("[{place}, {}], ", literal(unit))).collect();
     Ok(format!(
         "  {{ floor: {}, independents: [{independents}], blocks: [\n{text}  ] }},\n",
         literal(cluster.floor)

@@ -4,7 +4,7 @@
 use sarrus_dynamics::{Model, Plan, Workspace};
 
 use super::{compiled, head};
-use crate::GenerateError;
+use crate::{GenerateError, Lengths};
 use crate::recorder::Traced;
 use crate::trace::recorded;
 
@@ -23,11 +23,12 @@ pub fn sigma_min(
     let count = sizes.iter().map(|m| m * m).sum();
     let (zero, _) = Plan::newton_start(model);
     let q = Plan::tree_order(model, &zero);
-    let loops = recorded(model, plan, &q, false, |model, workspace: &mut Workspace<Traced>, q| {
+    let run = |model: &Model<Traced>, workspace: &mut Workspace<Traced>, q: &[Traced]| {
         let mut output = vec![Traced::constant(0.0); count];
         Plan::scaled_loops(model, workspace, q, &mut output);
         Some(output)
-    })?;
+    };
+    let loops = recorded(model, plan, &Lengths::default(), &q, false, run)?;
     let text = format!(
         "const {name} = (() => {{\n\"use strict\";\n{}\nconst sizes = {sizes:?};\n\
          const loops = {};\n{}return sigma;\n}})();\n",
