@@ -63,6 +63,12 @@ impl<T: Copy + Debug + ZeroCopySend + 'static> Receiver<T> for Subscriber<Thread
     }
 }
 
+/// The commands to a bridge, seen by another process than the bridge.
+#[derive(Debug)]
+pub struct CommandsEnd {
+    commands: Receiving<ActuatorCommand>,
+}
+
 /// The bridge's side.
 #[derive(Debug)]
 pub struct BridgeEnd {
@@ -99,7 +105,7 @@ impl BridgeEnd {
         let states = sender(&make(node, states, 1, MAX_OBSERVERS, 1)?, states, 1)
             .map_err(|error| taken(node, name, commands, error, true))?;
         let statistics = sender(&make(node, statistics, 1, MAX_OBSERVERS, 1)?, statistics, 1)?;
-        let commands = receiver(&make(node, commands, 1, 1, 1)?, commands, 1)?;
+        let commands = receiver(&make(node, commands, 1, 1 + MAX_OBSERVERS, 1)?, commands, 1)?;
         let operations =
             receiver(&make(node, operations, MAX_OBSERVERS, 1, OPERATIONS)?, operations, 1)?;
         Ok(BridgeEnd { commands, operations, states, statistics })
@@ -178,6 +184,24 @@ impl ObserverEnd {
     /// Requests an operation; false if it could not be sent.
     pub fn operate(&self, request: &OperatorRequest) -> bool {
         self.operations.send(request)
+    }
+}
+
+impl CommandsEnd {
+    /// Sees the commands to a running bridge, from now on.
+    ///
+    /// # Errors
+    /// As [`ObserverEnd::open`].
+    pub fn open(node: &Node, name: &ServerName) -> Result<CommandsEnd, ServiceError> {
+        let [commands, ..] = &names(name)?;
+        Ok(CommandsEnd {
+            commands: receiver(&open(node, commands)?, commands, MAX_OBSERVERS)?,
+        })
+    }
+
+    /// The newest command, once.
+    pub fn command(&self) -> Option<ActuatorCommand> {
+        self.commands.newest()
     }
 }
 
@@ -263,7 +287,7 @@ fn receiver<T: Copy + Debug + ZeroCopySend + 'static>(
 }
 
 /// The error for an end that another process holds, with the name of that process. The service of
-/// commands lists the bridge and its controller, but no observers.
+/// commands lists the bridge, its controller and those who see commands, but no other observers.
 fn taken(
     node: &Node,
     name: &ServerName,

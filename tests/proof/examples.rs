@@ -67,8 +67,13 @@ pub(crate) struct Server(Child);
 
 impl Server {
     pub(crate) fn start(name: &str) -> Server {
+        Server::start_with(name, &[])
+    }
+
+    pub(crate) fn start_with(name: &str, flags: &[&str]) -> Server {
         let mut command = Command::new(folder().join("sarrus"));
-        command.args(["serve", "--robot", "lambda", "--name", name]).env("SARRUS_ROOT", root());
+        command.args(["serve", "--robot", "lambda", "--name", name]).args(flags);
+        command.env("SARRUS_ROOT", root());
         command.stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut line = String::new();

@@ -233,6 +233,25 @@ fn a_log_of_a_bridge_becomes_mcap_and_moves_a_robot_in_a_browser() {
 }
 
 #[test]
+fn a_server_and_its_recording_move_a_robot_in_a_browser() {
+    if environment().has_optional_packages() {
+        let folder = std::env::temp_dir().join(format!("sarrus-shown-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("served.rec");
+        let file = file.to_str().unwrap();
+        let _server = examples::Server::start_with("shown", &["--record", file]);
+        for arguments in [&["recorded", "shown", file][..], &["served", "shown"]] {
+            // warnings of viser itself are allowed
+            let mut command = environment().command(&[]);
+            command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/python/shown.py"));
+            command.args(arguments);
+            run(command, "");
+        }
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
+
+#[test]
 fn importing_the_package_on_an_older_processor_raises_what_that_lacks() {
     // emulated processors that lack some or all of x86-64-v3, and one that has all of it
     let emulator = "qemu-x86_64";

@@ -220,6 +220,25 @@ pub(crate) fn state_fields<'py>(
     Ok(dict)
 }
 
+/// The numbers of a command, by name.
+pub(crate) fn command_fields<'py>(
+    py: Python<'py>,
+    command: &ActuatorCommand,
+) -> PyResult<Bound<'py, PyDict>> {
+    let n = usize::try_from(command.n_u).unwrap_or(0).min(MAX_ACTUATORS);
+    let dict = fields!(py, command => sequence, stamp_ns, fingerprint);
+    for (name, numbers) in [
+        ("position", &command.position),
+        ("velocity", &command.velocity),
+        ("effort", &command.effort),
+        ("stiffness", &command.stiffness),
+        ("damping", &command.damping),
+    ] {
+        dict.set_item(name, numbers.get(..n).unwrap_or_default())?;
+    }
+    Ok(dict)
+}
+
 /// A command of its parts; numbers of different counts, or too many, are a `ValueError`.
 pub(crate) fn command(
     sequence: u64,

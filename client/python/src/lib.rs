@@ -24,6 +24,7 @@ mod entry;
 mod frames;
 mod interface;
 mod protocols;
+mod recording;
 mod run;
 mod service;
 mod slcan;
@@ -58,6 +59,8 @@ mod native {
     };
     #[pymodule_export]
     use crate::protocols::protocols;
+    #[pymodule_export]
+    use crate::recording::recording;
     #[pymodule_export]
     use crate::run::run_bridge;
     #[pymodule_export]

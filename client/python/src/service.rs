@@ -7,11 +7,11 @@ use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_proto::actuators::OperatorRequest;
-use sarrus_proto::bridge::{BridgeEnd, ControllerEnd, ObserverEnd};
+use sarrus_proto::bridge::{BridgeEnd, CommandsEnd, ControllerEnd, ObserverEnd};
 use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::{Domain, DomainNode, ServerName};
 
-use crate::bridge::{PyBridge, command, operation_of, state_fields};
+use crate::bridge::{PyBridge, command, command_fields, operation_of, state_fields};
 
 /// A name under which controllers find a bridge. It is free again when this is closed or the
 /// process ends.
@@ -80,7 +80,7 @@ pub(crate) struct PyController {
 
 enum End {
     Controller(ControllerEnd),
-    Observer(ObserverEnd),
+    Observer(ObserverEnd, CommandsEnd),
 }
 
 #[pymethods]
@@ -96,7 +96,8 @@ impl PyController {
         let name = ServerName::new(name).map_err(runtime_error)?;
         let node = domain.node().map_err(runtime_error)?;
         let end = if watch {
-            End::Observer(ObserverEnd::open(&node, &name).map_err(runtime_error)?)
+            let commands = CommandsEnd::open(&node, &name).map_err(runtime_error)?;
+            End::Observer(ObserverEnd::open(&node, &name).map_err(runtime_error)?, commands)
         } else {
             End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
         };
@@ -192,6 +193,15 @@ impl PyController {
         state_fields(py, &state).map(Some)
     }
 
+    /// With `watch`, the numbers of the newest command to the bridge by field, once; `None` without
+    /// a new one.
+    fn commanded<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(End::Observer(_, commands)) = &self.end else {
+            return Err(PyOSError::new_err("only an observer (`watch=True`) sees commands"));
+        };
+        commands.command().map(|command| command_fields(py, &command)).transpose()
+    }
+
     /// Leaves the shared memory.
     fn close(&mut self) {
         drop(self.end.take());
@@ -205,7 +215,7 @@ impl PyController {
     fn observer(&self) -> Option<&ObserverEnd> {
         match self.end.as_ref()? {
             End::Controller(end) => Some(end.observer()),
-            End::Observer(end) => Some(end),
+            End::Observer(end, _) => Some(end),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The output of `sarrus-can top` on a running bridge of either frontend.
 
+use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
@@ -7,6 +8,7 @@ use std::time::Duration;
 use sarrus_proto::actuators::ActuatorState;
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::{Domain, ServerName};
+use sarrus_tests::python::environment;
 use serde_json::Value;
 
 use super::harness::{BUSES, FRONTENDS, Frontend, N_U, Process, Stage, sarrus_can, wait_for};
@@ -180,4 +182,25 @@ fn a_bridge_without_statistics_is_not_waited_for_for_ever() {
             "{output:?}"
         );
     });
+}
+
+#[test]
+fn a_bridge_moves_a_measured_and_a_commanded_robot_in_a_browser() {
+    if !environment().has_optional_packages() {
+        return;
+    }
+    let stage = Stage::of_long_times();
+    let _motors: Vec<Process> = BUSES.iter().map(|(bus, _)| stage.motors(bus)).collect();
+    let _bridge = stage.bridge(Frontend::Rust);
+    let mut controller = stage.controller();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proof/python/shown.py");
+    let arguments = [script.to_str().unwrap(), "bridge", "end_to_end"];
+    let mut shown = Process::start("view", stage.at_home(environment().command(&arguments)));
+    for _ in 0..2 {
+        controller.tell(&shown.line());
+        shown.tell("done");
+    }
+    let words = shown.line();
+    assert!(words.contains("disabled: "), "{words}");
+    assert!(shown.end().success());
 }

@@ -56,6 +56,6 @@ y = show.independent(lambda_, ["ElbowAct"], [0.01])
 assert abs(lambda_.to_actuators(y).u[0] - 0.01) < 1e-12
 bridge = _native.Bridge(_native.Configuration.load(str(config)))
 bridge.cycle(1_000_000)
-assert "ElbowAct" in show.told(["ElbowAct"], bridge.state())
+assert "ElbowAct" in show.state_text(["ElbowAct"], bridge.state())
 assert show.main(["lambda", *flags, "--port", "0", "--seconds", "0.5"]) == 0
 assert show.main(["lambda", "--port", "0", "--seconds", "0.5"]) == 0

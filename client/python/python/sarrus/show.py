@@ -1,8 +1,9 @@
 """`python -m sarrus.show`: a robot in a browser, live, and logs of the CAN bridge.
 
-A robot moves by sliders, answered in this process or by a server; a running bridge moves it by the
-measured positions of its actuators; a log is replayed, measured beside commanded, with its faults
-on the time line. Needs viser, and mcap for `--mcap`: `pip install 'sarrus[show]'`.
+A robot moves by sliders, answered in this process or by a server; a running bridge moves two, by
+the measured and by the commanded positions of its actuators. A log of a bridge is replayed likewise,
+with its faults on the time line; a recording of a server, with the states that it was asked about.
+Needs viser, and mcap for `--mcap`: `pip install 'sarrus[show]'`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,11 +24,15 @@ import numpy as np
 from sarrus import _native
 from sarrus.errors import Error
 from sarrus.query import Array
-from sarrus.robot import Robot
+from sarrus.robot import Robot, bundled
 
 # of the page that `Robot.show` gives
 MEASURED, COMMANDED = (74, 95, 125), (31, 111, 235)
 STEP = 0.05
+# first bytes of a recording of a server, and seconds between two of its states
+RECORDING, SPARSE = b"sarrusRC", 0.01
+# most buttons of a time line, and seconds for a bridge's first state
+MARKS, WAIT = 30, 5.0
 
 
 class Moment(NamedTuple):
@@ -150,6 +155,11 @@ class Figure:
             frame.wxyz = [pose[6], *pose[3:6]]
         return True
 
+    def follow(self, names: Sequence[str], positions: Sequence[float]) -> bool:
+        """Take the robot to where the actuators of these names stand; false where it has none."""
+        y = independent(self.robot, names, positions)
+        return y is not None and self.move(y)
+
 
 def _is_child(link: dict[str, Any], parent: int) -> bool:
     return link["joint"] is not None and link["joint"]["parent"] == parent
@@ -184,29 +194,21 @@ def sliders(server: Any, figure: Figure, scene: dict[str, Any]) -> None:
     update()
 
 
-def replayed(
-    server: Any, figures: tuple[Figure, Figure], names: Sequence[str], listed: Sequence[Moment]
+def timeline(
+    server: Any, end: float, marks: Sequence[tuple[float, str]], show_at: Callable[[float], str]
 ) -> None:
-    """Show a log by a slider of its time, with a button to each fault."""
-    end = listed[-1].seconds
+    """Show what was at the time of a slider, in words too, with a button to each mark."""
     status = server.gui.add_markdown("")
     clock = server.gui.add_slider("time, s", 0.0, max(end, STEP), STEP / 5, 0.0)
-    times = np.array([moment.seconds for moment in listed])
 
     def update(_: Any = None) -> None:
-        moment = listed[max(0, int(np.searchsorted(times, clock.value, side="right")) - 1)]
-        for figure, of in zip(figures, (moment.measured, moment.commanded), strict=True):
-            y = independent(figure.robot, names, of.get("position", ()))
-            if y is not None:
-                figure.move(y)
-        status.content = state_text(names, moment.measured)
+        status.content = show_at(clock.value)
 
     clock.on_update(update)
     play = server.gui.add_checkbox("play", initial_value=False)
-    for moment in listed:
-        if moment.fault is not None:
-            button = server.gui.add_button(f"{moment.seconds:.3f} s: {moment.fault}")
-            button.on_click(lambda _, at=moment.seconds: setattr(clock, "value", at))
+    for seconds, words in marks[:MARKS]:
+        button = server.gui.add_button(f"{seconds:.3f} s: {words}")
+        button.on_click(lambda _, at=seconds: setattr(clock, "value", at))
     update()
 
     def playing() -> None:
@@ -214,9 +216,61 @@ def replayed(
             time.sleep(STEP)
             if play.value:
                 clock.value = 0.0 if clock.value >= end else min(end, clock.value + STEP)
-                update()
 
     threading.Thread(target=playing, daemon=True).start()
+
+
+def replayed(
+    server: Any, figures: tuple[Figure, Figure], names: Sequence[str], listed: Sequence[Moment]
+) -> None:
+    """Show a log by a slider of its time, with a button to each fault."""
+    times = np.array([moment.seconds for moment in listed])
+
+    def show_at(seconds: float) -> str:
+        moment = listed[max(0, int(np.searchsorted(times, seconds, side="right")) - 1)]
+        for figure, of in zip(figures, (moment.measured, moment.commanded), strict=True):
+            figure.follow(names, of.get("position", ()))
+        return state_text(names, moment.measured)
+
+    marks = [(moment.seconds, moment.fault) for moment in listed if moment.fault is not None]
+    timeline(server, listed[-1].seconds, marks, show_at)
+
+
+class Question(NamedTuple):
+    """A request of a recording: the coordinates that it is about, and its status."""
+
+    seconds: float
+    client: str
+    request: str
+    status: str
+    field: str
+    numbers: list[float]
+
+
+def posed(robot: Robot, question: Question) -> Array | None:
+    """Give y of a request by y, by u or by q."""
+    if question.field == "y":
+        return np.array(question.numbers)
+    if question.field == "u":
+        return independent(robot, robot.actuators, question.numbers)
+    known = dict(zip(robot.coordinates, question.numbers, strict=True))
+    return np.array([known[name] for name in robot.independent_coordinates])
+
+
+def recalled(server: Any, figure: Figure, asked: Sequence[Question]) -> None:
+    """Show a recording by a slider of its time, with a button to each state without an answer."""
+    begin = asked[0].seconds
+    times = np.array([question.seconds - begin for question in asked])
+
+    def show_at(seconds: float) -> str:
+        question = asked[max(0, int(np.searchsorted(times, seconds, side="right")) - 1)]
+        y = posed(figure.robot, question)
+        good = y is not None and figure.move(y)
+        words = f"**{question.status}** {question.request} of {question.client}"
+        return words if good else f"{words}, **no pose here: the last one stands**"
+
+    marks = [(q.seconds - begin, f"{q.status}, {q.client}") for q in asked if q.status != "ok"]
+    timeline(server, float(times[-1]), marks, show_at)
 
 
 def state_text(names: Sequence[str], state: dict[str, Any]) -> str:
@@ -227,21 +281,24 @@ def state_text(names: Sequence[str], state: dict[str, Any]) -> str:
     return "\n\n".join(f"**{words}** {', '.join(of)}" for words, of in lines.items())
 
 
-def watched(server: Any, figure: Figure, bridge: str) -> None:
-    """Follow the measured positions of a running bridge."""
+def watched(server: Any, figures: tuple[Figure, Figure], bridge: str) -> None:
+    """Follow the measured and the commanded positions of a running bridge."""
     controller = _native.Controller(bridge, watch=True)
     status = server.gui.add_markdown("")
-    names = list(figure.robot.actuators)
+    measured, commanded = figures
+    names = list(measured.robot.actuators)
 
     def following() -> None:
         while True:
             time.sleep(STEP)
-            state = controller.state()
-            if state is None:
+            if (command := controller.commanded()) is not None:
+                commanded.follow(names, command["position"])
+            if (state := controller.state()) is None:
                 continue
-            y = independent(figure.robot, names, state["position"])
-            if y is not None:
-                figure.move(y)
+            if state["fingerprint"] not in (0, measured.robot.fingerprint):
+                status.content = f"**the bridge has another robot, {state['fingerprint']:016x}**"
+                continue
+            measured.follow(names, state["position"])
             status.content = state_text(names, state)
 
     threading.Thread(target=following, daemon=True).start()
@@ -263,7 +320,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("robot", nargs="*", help="a bundled robot, or FILE.urdf [FILE.yml]")
     parser.add_argument("--connect", metavar="NAME", help="a server answers for the robot")
     parser.add_argument("--bridge", metavar="NAME", help="a running CAN bridge moves the robot")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="a log of the CAN bridge")
+    parser.add_argument(
+        "--log", type=Path, metavar="FILE", help="a log of the CAN bridge, or a server's recording"
+    )
     parser.add_argument("--config", metavar="FILE", help="the configuration of the log's bridge")
     parser.add_argument("--mcap", type=Path, metavar="FILE", help="write the log as MCAP and end")
     parser.add_argument("--port", type=int, default=8080)
@@ -275,15 +334,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Show until the end; 0 done, 1 a faulty robot or log, 2 wrong flags."""
     parser = _parser()
     flags = parser.parse_args(arguments)
-    if (flags.log is None) != (flags.config is None) or (flags.mcap and flags.log is None):
-        parser.error("--log FILE needs --config FILE, and --mcap both")
-    if not flags.robot and not flags.mcap:
-        parser.error("name a bundled robot, or its files")
     try:
-        return _show(flags)
+        recorded = flags.log is not None and _is_recording(flags.log)
+        if recorded and (flags.robot or flags.config or flags.mcap):
+            parser.error("a recording has its robot: give --log FILE alone")
+        if not recorded and (flags.log is None) != (flags.config is None):
+            parser.error("the log of a bridge needs --config FILE")
+        if flags.mcap and flags.log is None:
+            parser.error("--mcap needs --log FILE and --config FILE")
+        if not (flags.robot or flags.mcap or recorded or flags.connect or flags.bridge):
+            parser.error("name a bundled robot, or its files")
+        return _recalled(flags) if recorded else _show(flags)
     except (Error, OSError, ValueError) as error:
         print(f"sarrus.show: {error}", file=sys.stderr)
         return 1
+
+
+def _is_recording(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(RECORDING)) == RECORDING
+
+
+def _recalled(flags: argparse.Namespace) -> int:
+    origin, entries = _native.recording(flags.log, SPARSE)
+    asked = [Question(*entry) for entry in entries]
+    if not asked:
+        raise ValueError(f"{flags.log} has no request with a state")
+    robot = Robot(origin)
+    server, figure, _ = _opened(flags, robot, robot)
+    recalled(server, figure, asked)
+    return _until_end(server, flags)
 
 
 def _show(flags: argparse.Namespace) -> int:
@@ -299,23 +379,63 @@ def _show(flags: argparse.Namespace) -> int:
             write_mcap(flags.mcap, names, listed)
             print(flags.mcap)
             return 0
-    is_file = Path(flags.robot[0]).suffix in {".urdf", ".smurf", ".xml"}
-    robot = Robot.load(*flags.robot) if is_file else Robot.bundled(flags.robot[0])
-    scene = json.loads(robot._scene())
+    read = _read(flags)
+    robot = read
     if flags.connect is not None:
-        robot = Robot.connect(flags.connect, fingerprint=robot.fingerprint)
+        robot = Robot.connect(flags.connect, fingerprint=read.fingerprint)
+    server, figure, scene = _opened(flags, read, robot)
+    if listed:
+        replayed(server, (figure, Figure(server, robot, scene, "commanded")), names, listed)
+    elif flags.bridge is not None:
+        watched(server, (figure, Figure(server, robot, scene, "commanded")), flags.bridge)
+    else:
+        sliders(server, figure, scene)
+    return _until_end(server, flags)
+
+
+def _read(flags: argparse.Namespace) -> Robot:
+    """The robot whose files are given, or the bundled one of a server or a bridge."""
+    if flags.robot:
+        is_file = Path(flags.robot[0]).suffix in {".urdf", ".smurf", ".xml"}
+        return Robot.load(*flags.robot) if is_file else Robot.bundled(flags.robot[0])
+    name = flags.connect or flags.bridge
+    if flags.connect is not None:
+        fingerprint = Robot.connect(flags.connect).fingerprint
+    else:
+        fingerprint = _state_of(flags.bridge)["fingerprint"]
+    for bundled_name in bundled():
+        if (robot := Robot.bundled(bundled_name)).fingerprint == fingerprint:
+            return robot
+    raise ValueError(f"`{name}` has no bundled robot: give its files too")
+
+
+def _state_of(bridge: str) -> dict[str, Any]:
+    """The first state of a bridge that can be seen."""
+    controller = _native.Controller(bridge, watch=True)
+    end = time.monotonic() + WAIT
+    while time.monotonic() < end:
+        if (state := controller.state()) is not None:
+            controller.close()
+            return state
+        time.sleep(STEP)
+    raise ValueError(f"the bridge `{bridge}` publishes no state")
+
+
+def _opened(
+    flags: argparse.Namespace, read: Robot, robot: Robot
+) -> tuple[Any, Figure, dict[str, Any]]:
+    """A viewer with a robot that was read, and that this robot answers for."""
+    scene = json.loads(read._scene())
     server = _module("viser").ViserServer(port=flags.port, verbose=False)
     server.scene.set_up_direction("+z")
     figure = Figure(server, robot, scene, "measured")
     middle, size = figure.extent()
     server.initial_camera.look_at = tuple(middle)
     server.initial_camera.position = tuple(middle + size * np.array([1.2, -1.2, 0.6]))
-    if listed:
-        replayed(server, (figure, Figure(server, robot, scene, "commanded")), names, listed)
-    elif flags.bridge is not None:
-        watched(server, figure, flags.bridge)
-    else:
-        sliders(server, figure, scene)
+    return server, figure, scene
+
+
+def _until_end(server: Any, flags: argparse.Namespace) -> int:
     print(f"http://localhost:{server.get_port()}", flush=True)
     begin = time.monotonic()
     try:

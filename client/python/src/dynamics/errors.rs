@@ -36,7 +36,7 @@ pub(super) fn connect_error(error: NotConnected) -> PyErr {
 }
 
 /// Files that are no robot: an `OSError` where one cannot be opened, else every fault.
-pub(super) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
+pub(crate) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
     let words = error.to_string();
     match error {
         NotLoaded::Open { file, reason } => not_opened(file, &reason, words),

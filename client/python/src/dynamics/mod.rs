@@ -19,6 +19,7 @@ mod simulation;
 
 pub(crate) use arrays::refuse_masked;
 pub(crate) use batch::forked;
+pub(crate) use errors::load_error;
 pub(crate) use origin::{PyOrigin, bundled_names};
 pub(crate) use query::PyQuery;
 pub(crate) use robot::PyRobot;

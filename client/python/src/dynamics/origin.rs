@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sarrus_client::{ConnectOptions, Lock, Options, Robot, Source, Transport, WaitStrategy};
 use sarrus_models::{Base, Loaded, load, texts};
+use sarrus_serve::record::RecordedRobot;
 
 use super::errors::{connect_error, load_error};
 use super::options::fingerprint;
@@ -110,6 +111,16 @@ impl PyOrigin {
 }
 
 impl PyOrigin {
+    /// The robot of a server's recording.
+    pub(crate) fn recorded(of: &RecordedRobot) -> PyResult<PyOrigin> {
+        let bytes = |text: &String| text.clone().into_bytes();
+        let submechanisms = of.submechanisms.as_ref().map(bytes);
+        let position = |lock: &Lock| lock.position.map(|x| format!("={x}")).unwrap_or_default();
+        let locks = of.lock.iter().map(|lock| lock.joint.clone() + &position(lock)).collect();
+        let parts = (of.gravity, of.lenient, of.floating_base.clone(), locks, of.only.clone());
+        PyOrigin::read(Source::Text { urdf: bytes(&of.urdf), submechanisms }, parts)
+    }
+
     fn read(source: Source, parts: Parts) -> PyResult<PyOrigin> {
         let (gravity, lenient, floating_base, lock, only) = parts.clone();
         let lock = lock
