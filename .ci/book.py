@@ -198,8 +198,8 @@ def interfaces():
     assert all(len(column) > 15 for column in columns), [len(column) for column in columns]
     text = "# Programming interfaces\n\nThe same functions in Rust, Python and C, each with its first\n"
     text += "sentence; arguments are on the pages of [Rust](client/rust/README.md),\n"
-    text += "[Python](client/python/README.md) and [C and C++](client/c/README.md). What is named\n"
-    text += "in one column only is the language's own way, such as freeing memory.\n"
+    text += "[Python](client/python/README.md) and [C and C++](client/c/README.md). A name in one\n"
+    text += "column alone is the language's own way, such as freeing memory.\n"
     for of in OBJECTS:
         rows = {}
         for k, column in enumerate(columns):

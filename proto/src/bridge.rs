@@ -194,9 +194,7 @@ impl CommandsEnd {
     /// As [`ObserverEnd::open`].
     pub fn open(node: &Node, name: &ServerName) -> Result<CommandsEnd, ServiceError> {
         let [commands, ..] = &names(name)?;
-        Ok(CommandsEnd {
-            commands: receiver(&open(node, commands)?, commands, MAX_OBSERVERS)?,
-        })
+        Ok(CommandsEnd { commands: receiver(&open(node, commands)?, commands, MAX_OBSERVERS)? })
     }
 
     /// The newest command, once.

@@ -38,7 +38,8 @@ pub(crate) fn recording(
     let coordinates = |entry: &Entry<'_>| {
         let query = entry.query?;
         let given = Layout::of_given(&query, &model.sizes);
-        let slots = [Field::Y, Field::U, Field::Q].into_iter().filter_map(|field| given.slot(field));
+        let slots =
+            [Field::Y, Field::U, Field::Q].into_iter().filter_map(|field| given.slot(field));
         let slot = slots.into_iter().next()?;
         let request = Request::from_code(query.request)?.name();
         Some((request, slot.field, entry.input.get(slot.range())?.to_vec()))

@@ -178,7 +178,8 @@ fn at_state(
 }
 
 /// The code of a function of kernels at one input, behind which the lengths are inputs too; the
-/// function returns nothing where it fails. Unless `is_strict`, outputs may be zeros of the other sign.
+/// function returns nothing where it fails. Outputs may be zeros of the other sign unless
+/// `is_strict`.
 pub(crate) fn recorded(
     model: &Model<f64>,
     plan: &Plan,

@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind};
 use sarrus_dynamics::{
-    Compiled, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, OpenModel,
-    Plan, Query, Request, Status, Workspace,
+    Compiled, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, OpenModel, Plan, Query,
+    Request, Status, Workspace,
 };
 use sarrus_generate::{GenerateError, Kernel, Lengths, RandomInputs, Script};
 use serde_json::{Value, json};
@@ -87,8 +87,8 @@ pub const MECHANISMS: [Mechanism; 2] = [
     },
 ];
 
-/// A rocker about y that a slider on a turning stator moves, and a pose near its zero pose; u is the
-/// distance from the stator to the foot of the rod.
+/// A rocker about y that a slider on a turning stator moves, and a pose near its zero pose; u is
+/// the distance from the stator to the foot of the rod.
 fn lambda(lengths: &[f64]) -> (DescriptionBuilder, Vec<f64>) {
     let [rocker, beside, base, offset] = std::array::from_fn(|k| lengths[k]);
     let axis = [0.0, 1.0, 0.0];
@@ -160,8 +160,7 @@ impl Mechanism {
         let weights: Vec<f64> =
             joints.iter().map(|joint| if y(joint) { f64::INFINITY } else { 1.0 }).collect();
         let found = open.assemble(&near, &weights).map_err(|error| failed(error.to_string()))?;
-        description.zero_pose =
-            joints.into_iter().zip(found.q.iter().map(|x| vec![*x])).collect();
+        description.zero_pose = joints.into_iter().zip(found.q.iter().map(|x| vec![*x])).collect();
         description.submechanisms[0].closed_forms = false;
         let compiled = Model::compile(&description).map_err(|error| failed(error.to_string()))?;
         Ok((description, compiled))
@@ -265,7 +264,8 @@ fn plan(model: &Model<f64>, frames: &[&str]) -> Result<Plan, ShowError> {
     let links = &model.info().links;
     let named = |name: &&str| links.iter().position(|link| link == name).map(|link| link as u16);
     let frames: Vec<u16> = frames.iter().filter_map(named).collect();
-    let pose = if frames.is_empty() { FieldSet::of(&[]) } else { FieldSet::of(&[Field::FramePose]) };
+    let pose =
+        if frames.is_empty() { FieldSet::of(&[]) } else { FieldSet::of(&[Field::FramePose]) };
     let want = FieldSet::of(&[Field::Q, Field::U, Field::G, Field::GU]) | pose;
     let given = FieldSet::of(&[Field::Y, Field::QGuess]);
     let query = Query::new(Request::Kinematics, given, want).with_frames(&frames);

@@ -7,9 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{Loaded, Options, Source, load, texts};
-use sarrus_show::{
-    Chart, Curve, MECHANISMS, Mechanism, Meshes, Motion, Settings, motion, page,
-};
+use sarrus_show::{Chart, Curve, MECHANISMS, Mechanism, Meshes, Motion, Settings, motion, page};
 use serde_json::Value;
 
 /// Width and height of windows: a phone, on its side too, a laptop, a large screen.
@@ -28,7 +26,8 @@ const LOOK: &str = "
     };
     const look = (p) => {
         const { width, height, clientWidth, clientHeight } = view.canvas;
-        const at = pixel(p, clientWidth, clientHeight).map((x) => Math.round(x * width / clientWidth));
+        const scale = width / clientWidth;
+        const at = pixel(p, clientWidth, clientHeight).map((x) => Math.round(x * scale));
         return [...drawn(width, height).getImageData(...at, 1, 1).data];
     };
     const painted = () => drawn(200, 200).getImageData(0, 0, 200, 200).data.filter(
@@ -594,7 +593,10 @@ fn lengths_as_inputs_give_the_numbers_of_the_plans_with_them_in_node() {
             both += 1;
             worst = worst.max(deviation(&found, expected));
         }
-        println!("{}: {both} states, worst {worst:.1e}, {left} with another status", mechanism.name);
+        println!(
+            "{}: {both} states, worst {worst:.1e}, {left} with another status",
+            mechanism.name
+        );
         assert!(both > 200 && worst < 1e-12);
     }
 }

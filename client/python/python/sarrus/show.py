@@ -1,8 +1,9 @@
 """`python -m sarrus.show`: a robot in a browser, live, and logs of the CAN bridge.
 
 A robot moves by sliders, answered in this process or by a server; a running bridge moves two, by
-the measured and by the commanded positions of its actuators. A log of a bridge is replayed likewise,
-with its faults on the time line; a recording of a server, with the states that it was asked about.
+the measured and by the commanded positions of its actuators. A log of a bridge is replayed
+likewise, with its faults on the time line; a recording of a server, with the states that it was
+asked about.
 Needs viser, and mcap for `--mcap`: `pip install 'sarrus[show]'`.
 """
 

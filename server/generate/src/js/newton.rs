@@ -5,9 +5,9 @@ use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, Model, NewtonCluster, Plan};
 
 use super::{compiled, literal};
-use crate::{GenerateError, Lengths};
 use crate::recorder::Traced;
 use crate::trace::recorded;
+use crate::{GenerateError, Lengths};
 
 /// The script's part that closes loops; none where nothing is to be closed.
 pub(super) fn newton(

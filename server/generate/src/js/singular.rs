@@ -4,9 +4,9 @@
 use sarrus_dynamics::{Model, Plan, Workspace};
 
 use super::{compiled, head};
-use crate::{GenerateError, Lengths};
 use crate::recorder::Traced;
 use crate::trace::recorded;
+use crate::{GenerateError, Lengths};
 
 /// A script that declares a function of this name: `sigma_min` at closed tree coordinates, those
 /// that a plan with `q` puts out; with the number of its operations before singular values. The
