@@ -196,8 +196,8 @@ def interfaces():
     """The functions of the three interfaces side by side."""
     columns = [rust(), python(), c()]
     assert all(len(column) > 15 for column in columns), [len(column) for column in columns]
-    text = "# Programming interfaces\n\nThe same functions in Rust, Python and C, each with its first\n"
-    text += "sentence; arguments are on the pages of [Rust](client/rust/README.md),\n"
+    text = "# Programming interfaces\n\nThe same functions in Rust, Python and C, each with its\n"
+    text += "first sentence; arguments are on the pages of [Rust](client/rust/README.md),\n"
     text += "[Python](client/python/README.md) and [C and C++](client/c/README.md). A name in one\n"
     text += "column alone is the language's own way, such as freeing memory.\n"
     for of in OBJECTS:
@@ -219,7 +219,8 @@ def gallery():
     about = {name: re.sub(r"\\\n\s*", "", words) for name, words in listed}
     text = "# Robots to move\n\nEach page moves one robot by sliders and needs no network; it is\n"
     text += "that of `sarrus show`. Two more have lengths as sliders: γ, G and the singular poses\n"
-    text += "change with them.\n\n- [lambda elbow with editable lengths](gallery/lambda_lengths.html)\n"
+    text += "change with them.\n\n"
+    text += "- [lambda elbow with editable lengths](gallery/lambda_lengths.html)\n"
     text += "- [2SPU+1U ankle with editable lengths](gallery/ankle_lengths.html)\n\n"
     text += cells("robot", "about") + cells("---", "---")
     for name, page in robots():
