@@ -88,8 +88,8 @@ pub enum DomainError {
         /// The user of this process.
         user: u32,
     },
-    /// Every user may write to the root directory.
-    #[error("everybody may write to {path}, expected this user alone; `chmod 700 {path}`")]
+    /// Other users may write to the root directory.
+    #[error("others may write to {path}, expected this user alone; `chmod 700 {path}`")]
     Open {
         /// The directory.
         path: PathBuf,
@@ -97,7 +97,7 @@ pub enum DomainError {
     /// The path of the root directory cannot be used.
     #[error(
         "{path} cannot be the root of shared memory; give an absolute path of at most {MAX_ROOT} \
-         characters in SARRUS_ROOT"
+         characters, letters without accents, digits and `/`, `-`, `_`, `.`, in SARRUS_ROOT"
     )]
     Path {
         /// The directory.
@@ -148,9 +148,11 @@ impl Domain {
     /// The domain under a directory, which must belong to this user if it exists.
     pub fn at(root: &Path) -> Result<Domain, DomainError> {
         set_log_level(LogLevel::Fatal);
-        root.to_str()
-            .filter(|text| root.is_absolute() && text.len() <= MAX_ROOT)
-            .ok_or_else(|| DomainError::Path { path: root.to_owned() })?;
+        if !root.is_absolute() || root.as_os_str().len() > MAX_ROOT {
+            return Err(DomainError::Path { path: root.to_owned() });
+        }
+        // whatever else the transport does not take
+        config(root, "sarrus_")?;
         let domain = Domain { root: root.to_owned(), other: None };
         domain.check_owner()?;
         Ok(domain)
@@ -304,10 +306,14 @@ impl Domain {
         match fs::symlink_metadata(&self.root) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(failed(source)),
-            Ok(found) if found.uid() == user && found.is_dir() => match found.mode() & 0o002 {
-                0 => Ok(()),
-                _ => Err(DomainError::Open { path: self.root.clone() }),
-            },
+            Ok(found) if found.uid() == user && found.is_dir() => {
+                // a group of the user's own number has no other member
+                let others = if found.gid() == user { 0o002 } else { 0o022 };
+                match found.mode() & others {
+                    0 => Ok(()),
+                    _ => Err(DomainError::Open { path: self.root.clone() }),
+                }
+            }
             Ok(found) if found.uid() == user => Err(failed(io::ErrorKind::NotADirectory.into())),
             Ok(found) => {
                 Err(DomainError::Foreign { path: self.root.clone(), owner: found.uid(), user })
@@ -549,7 +555,7 @@ mod tests {
         let base = std::env::temp_dir().join(format!("sarrus-domain-made-{}", std::process::id()));
         let [named, made] = ["named", "made/deeper"].map(|name| base.join(name));
         fs::create_dir_all(&named).unwrap();
-        fs::set_permissions(&named, fs::Permissions::from_mode(0o2770)).unwrap();
+        fs::set_permissions(&named, fs::Permissions::from_mode(0o2750)).unwrap();
         for root in [&named, &made] {
             let domain = Domain::at(root).unwrap();
             drop(domain.node().unwrap());
@@ -563,7 +569,7 @@ mod tests {
         }
         assert!(!made.exists());
         assert_eq!(fs::read_dir(&named).unwrap().count(), 0);
-        assert_eq!(fs::metadata(&named).unwrap().mode() & 0o7777, 0o2770);
+        assert_eq!(fs::metadata(&named).unwrap().mode() & 0o7777, 0o2750);
         fs::remove_dir_all(&base).unwrap();
     }
 
@@ -585,8 +591,25 @@ mod tests {
 
     #[test]
     fn a_directory_of_somebody_else_is_refused() {
-        let error = Domain::at(Path::new("relative")).unwrap_err();
-        assert!(matches!(error, DomainError::Path { .. }), "{error}");
+        for path in ["relative", "/tmp/Müller", "/tmp/it's", "/tmp/two\nlines"] {
+            let error = Domain::at(Path::new(path)).unwrap_err();
+            assert!(matches!(error, DomainError::Path { .. }), "{error}");
+        }
+        let open = std::env::temp_dir().join(format!("sarrus-open-{}", std::process::id()));
+        fs::create_dir(&open).unwrap();
+        let group = fs::metadata(&open).unwrap().gid();
+        for (mode, is_open) in [(0o700, false), (0o750, false), (0o702, true), (0o720, true)] {
+            fs::set_permissions(&open, fs::Permissions::from_mode(mode)).unwrap();
+            // a group of the user's own number has no other member
+            let is_own = mode == 0o720 && group == rustix::process::geteuid().as_raw();
+            let found = matches!(Domain::at(&open), Err(DomainError::Open { .. }));
+            assert_eq!(found, is_open && !is_own, "{mode:o}");
+        }
+        if std::os::unix::fs::chown(&open, None, Some(group + 1)).is_ok() {
+            fs::set_permissions(&open, fs::Permissions::from_mode(0o720)).unwrap();
+            assert!(matches!(Domain::at(&open), Err(DomainError::Open { .. })));
+        }
+        fs::remove_dir(&open).unwrap();
         let link = std::env::temp_dir().join(format!("sarrus-link-{}", std::process::id()));
         std::os::unix::fs::symlink("/tmp", &link).unwrap();
         let error = Domain::at(&link).and_then(|domain| domain.make_root()).unwrap_err();

@@ -3,7 +3,7 @@
 use rustix::process::{Resource, getrlimit};
 
 /// Least stack of a program's main thread `[byte]`: reading flags and files takes half of it.
-const STACK: u64 = 256 << 10;
+const STACK: u64 = 512 << 10;
 
 /// Programs call this first too, to end with a message instead of a signal.
 ///

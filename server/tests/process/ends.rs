@@ -57,13 +57,13 @@ fn a_stack_that_is_too_small_is_refused_and_a_larger_one_serves() {
         outer.envs(inner.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outer
     };
-    for kib in [96, 128, 255] {
+    for kib in [96, 256, 511] {
         let output = limited(kib).output().unwrap();
         let words = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{:?}: {words}", output.status);
         assert!(words.contains(&format!("limited to {} bytes", kib << 10)), "{words}");
     }
-    let server = sandbox.start(&mut limited(256));
+    let server = sandbox.start(&mut limited(512));
     let mut asker = Asker::new(sandbox.connect("small", Transport::Lane).unwrap());
     assert_eq!(asker.ask().unwrap().status, Status::Ok);
     drop(asker);

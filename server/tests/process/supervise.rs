@@ -285,6 +285,22 @@ fn a_stop_of_the_supervisor_leaves_nothing() {
 }
 
 #[test]
+fn a_stop_between_two_servers_leaves_nothing() {
+    for _ in 0..3 {
+        let sandbox = Sandbox::new();
+        let server = supervised(&sandbox, "gap", &[]);
+        let [process] = children(server.id())[..] else { panic!("one server") };
+        kill(process);
+        until("the next server", || {
+            let next = children(server.id());
+            (!next.is_empty() && !next.contains(&process)).then_some(())
+        });
+        assert!(server.stop().success());
+        assert_eq!(sandbox.leftovers(), Vec::<PathBuf>::new());
+    }
+}
+
+#[test]
 fn the_server_dies_with_its_supervisor() {
     let sandbox = Sandbox::new();
     let server = supervised(&sandbox, "orphan", &[]);

@@ -10,31 +10,21 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Args;
-use rustix::process::{Pid, Signal, getppid};
+use rustix::process::{Pid, getppid};
 use sarrus_can_core::config::{BusConfig, Configuration};
 use sarrus_can_run::bus::{Address, Bus, Reconnecting, own};
 use sarrus_can_run::stderr::{self, say};
 use sarrus_can_run::{Settings, prepare};
 use signal_hook::consts::{
-    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGTSTP, SIGUSR1, SIGUSR2,
-    SIGVTALRM, SIGXCPU, SIGXFSZ,
+    SIGBUS, SIGCHLD, SIGCONT, SIGFPE, SIGILL, SIGKILL, SIGPIPE, SIGSEGV, SIGSTOP, SIGTTIN, SIGTTOU,
+    SIGURG, SIGWINCH, SIGXFSZ,
 };
 
-/// Signals that would end or stop this program: each is a clean end of it.
-const ENDS: [i32; 13] = [
-    SIGINT,
-    SIGTERM,
-    SIGHUP,
-    SIGQUIT,
-    SIGTSTP,
-    SIGUSR1,
-    SIGUSR2,
-    SIGALRM,
-    SIGVTALRM,
-    SIGPROF,
-    SIGXCPU,
-    SIGIO,
-    Signal::POWER.as_raw(),
+/// Signals that are no clean end: some say nothing of an end, others cannot be caught or are faults
+/// of this program.
+const OTHERS: [i32; 14] = [
+    SIGBUS, SIGCHLD, SIGCONT, SIGFPE, SIGILL, SIGKILL, SIGPIPE, SIGSEGV, SIGSTOP, SIGTTIN, SIGTTOU,
+    SIGURG, SIGWINCH, SIGXFSZ,
 ];
 
 /// Usual priority of the threads under SCHED_FIFO.
@@ -116,7 +106,8 @@ pub(crate) fn open(bus: &BusConfig, owned: &mut Vec<OwnedFd>) -> Result<Box<dyn 
 
 /// Sets a flag at every signal that would end or stop this program.
 pub(crate) fn end_by_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    for signal in ENDS {
+    // 32 and 33 belong to the system's library
+    for signal in (1..32).chain(34..65).filter(|signal| !OTHERS.contains(signal)) {
         signal_hook::flag::register(signal, stop.clone())?;
     }
     // a log beyond the limit of a file's size: the write reports it

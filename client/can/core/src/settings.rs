@@ -1,9 +1,11 @@
 //! Settings in configurations: declared as data, read and checked in one place.
 
+use core::fmt;
 use std::collections::BTreeMap;
 
 use sarrus_models::Diagnostics;
 use sarrus_models::yaml::{self, Node, Span, Value, quoted};
+use sarrus_proto::fnv1a_64;
 
 /// A setting.
 #[derive(Clone, Copy, Debug)]
@@ -165,6 +167,27 @@ impl Settings {
     /// A setting declared as a flag; false for any other name.
     pub fn flag(&self, key: &str) -> bool {
         matches!(self.settings.get(key), Some((Setting::Flag(true), _)))
+    }
+}
+
+/// As a mapping in the order of names, the content of a file by its FNV-1a.
+impl fmt::Display for Settings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("{")?;
+        for (place, (name, (setting, _))) in self.settings.iter().enumerate() {
+            let comma = if place == 0 { "" } else { ", " };
+            write!(f, "{comma}{name}: ")?;
+            match setting {
+                Setting::Integer(number) => write!(f, "{number}"),
+                Setting::Number(number) => write!(f, "{number}"),
+                Setting::Flag(flag) => write!(f, "{flag}"),
+                Setting::Text(text) if text.contains('\n') => {
+                    write!(f, "{:016x}", fnv1a_64(text.as_bytes()))
+                }
+                Setting::Text(text) => f.write_str(text),
+            }?;
+        }
+        f.write_str("}")
     }
 }
 

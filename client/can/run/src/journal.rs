@@ -5,6 +5,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -129,6 +130,15 @@ pub struct JournalWriter {
     written: io::Result<u64>,
 }
 
+/// Creates a log. Opening a FIFO would wait for a reader, and no signal ended it.
+fn new_log(path: &Path) -> io::Result<File> {
+    if std::fs::metadata(path).is_ok_and(|found| found.file_type().is_fifo()) {
+        let kind = io::ErrorKind::InvalidInput;
+        return Err(io::Error::new(kind, format!("{} is a FIFO, expected a file", path.display())));
+    }
+    File::create(path)
+}
+
 /// Both ends for the inputs of a bridge: for the files of faults, a log of everything, or both.
 ///
 /// # Errors
@@ -138,7 +148,7 @@ pub fn journal(
     log: Option<&Path>,
     bridge: &mut Bridge,
 ) -> io::Result<(Journal, JournalWriter)> {
-    let log = log.map(File::create).transpose()?.map(BufWriter::new);
+    let log = log.map(new_log).transpose()?.map(BufWriter::new);
     let (inputs, taken_inputs) = RingBuffer::new(ROOM);
     let (commands, taken_commands) = RingBuffer::new(COMMANDS);
     let (states, taken_states) = RingBuffer::new(STATES);

@@ -172,7 +172,7 @@ impl Supervisor {
                         ));
                     }
                 }
-                Ok(Event::Signal) => return Err(self.stop(process)),
+                Ok(Event::Signal) => return Err(self.stop(process, ready.is_some())),
                 Ok(Event::Line(line)) if line.starts_with("ready ") => {
                     ready = Some(Instant::now());
                     self.announce(&line, process.id());
@@ -271,9 +271,13 @@ impl Supervisor {
         }
     }
 
-    /// Stops a server process after a signal.
-    fn stop(&mut self, mut process: Child) -> End {
-        let _ = kill_process(Pid::from_child(&process), Signal::TERM);
+    /// Stops a server process after a signal: as soon as it is ready, since before it may not
+    /// handle signals yet, nor have removed the files of a server that died.
+    fn stop(&mut self, mut process: Child, is_ready: bool) -> End {
+        let order = |process: &Child| _ = kill_process(Pid::from_child(process), Signal::TERM);
+        if is_ready {
+            order(&process);
+        }
         let due = Instant::now() + STOP;
         loop {
             // a stop may take effect later than the order
@@ -284,6 +288,7 @@ impl Supervisor {
                     let is_clean = end(&mut process).is_ok_and(|status| status.success());
                     return End::Stopped(if is_clean { 0 } else { 2 });
                 }
+                Ok(Event::Line(line)) if line.starts_with("ready ") => order(&process),
                 // further signals change nothing
                 Ok(_) => {}
                 Err(RecvTimeoutError::Timeout) if left > LOOK => {}

@@ -36,6 +36,12 @@ const FOLLOWS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 /// Part of its own way by which an actuator that is held may move.
 const HELD: f64 = 0.5;
 
+/// The result of a motor whose model's effort is within what may differ.
+const UNJUDGED: &str = "effort not judged";
+/// Stands below a table with such a motor.
+const UNJUDGED_HELP: &str = "effort not judged: the model needs less than may differ, so a wrong \
+    sign, gear or torque constant would not show. Watch which way it moves; commission where it \
+    carries more, or with the `limits.effort` that the robot needs\n";
 /// Stands below the table of a robot that has no actuator beyond its degrees of freedom.
 const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear \
     shows in the effort alone\n";
@@ -85,6 +91,9 @@ impl Commission {
                 table(&mut text, &rows);
                 if is_blind {
                     text += BLIND;
+                }
+                if rows.iter().flatten().any(|cell| cell == UNJUDGED) {
+                    text += UNJUDGED_HELP;
                 }
                 print!("{text}");
                 if !is_good {
@@ -140,7 +149,9 @@ impl Commission {
                 Err(why) => Some(why.clone()),
             };
             is_good &= finding.is_none();
-            rows.push(row(motor, trial.as_ref().ok(), finding.as_deref().unwrap_or("good")));
+            let is_judged = |trial: &Trial| allowed(&motor.limits, trial) < trial.model.abs();
+            let good = if trial.as_ref().is_ok_and(is_judged) { "good" } else { UNJUDGED };
+            rows.push(row(motor, trial.as_ref().ok(), finding.as_deref().unwrap_or(good)));
         }
         Ok((rows, is_good, model.closes_anywhere()))
     }

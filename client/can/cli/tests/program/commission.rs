@@ -26,7 +26,7 @@ fn elbow(folder: &Folder, name: &str, motor: &str) -> String {
     path.display().to_string()
 }
 
-fn sarrus_can(arguments: &[&str]) -> (Option<i32>, String, String) {
+pub(crate) fn sarrus_can(arguments: &[&str]) -> (Option<i32>, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_sarrus-can")).args(arguments).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code(), text(output.stdout), text(output.stderr))
@@ -90,4 +90,17 @@ fn a_sign_that_contradicts_the_model_is_found_and_gives_no_record() {
     assert_eq!(code, Some(1), "{out}{err}");
     assert!(out.contains("another effort: sign"), "{out}{err}");
     assert!(!Path::new(&folder.path("wrong.commissioned")).exists());
+}
+
+#[test]
+fn an_effort_that_nothing_could_contradict_is_not_judged() {
+    let folder = Folder::new();
+    let path = elbow(&folder, "strong.yml", "offset: 0");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("effort: 200", "effort: 1800")).unwrap();
+    let motors = Program::start(&["simulate", &path, "--pty", "--dynamics", "robot"]);
+    motors.line();
+    let (code, out, err) = sarrus_can(&["commission", &path, "--yes"]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(out.contains("effort not judged: the model needs less"), "{out}");
 }

@@ -97,6 +97,29 @@ fn hosts_come_and_go_and_the_link_goes_with_the_motors() {
 }
 
 #[test]
+fn every_signal_but_faults_ends_the_bridge_in_order() {
+    let folder = Folder::new();
+    let configuration = folder.configuration(&[MOTOR]).display().to_string();
+    let _motors = simulate(&folder, &[MOTOR], &[]);
+    for signal in ["TERM", "ABRT", "TRAP", "SYS", "STKFLT", "34", "64"] {
+        let mut bridge = Program::start(&["run", &configuration, "--name", "ends"]);
+        assert!(bridge.line().starts_with("ready "), "{signal}");
+        let process = bridge.child.id().to_string();
+        let sent =
+            std::process::Command::new("kill").args([&format!("-{signal}"), &process]).status();
+        assert!(sent.unwrap().success());
+        assert_eq!(bridge.child.wait().unwrap().code(), Some(0), "{signal}");
+    }
+    // opening a FIFO without a reader would wait for one
+    let fifo = folder.path("fifo");
+    assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let log = ["run", &configuration, "--name", "ends", "--log", fifo.to_str().unwrap()];
+    let (code, _, err) = crate::commission::sarrus_can(&log);
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("is a FIFO, expected a file"), "{err}");
+}
+
+#[test]
 fn an_adapter_answers_and_refuses_as_the_manual_says() {
     let folder = Folder::new();
     let _motors = simulate(&folder, &[MOTOR], &[]);

@@ -42,14 +42,15 @@ impl Configuration {
             let _ = writeln!(
                 text,
                 "- {{actuator: {actuator}, bus: {bus}, protocol: {}, mode: {}, identifiers: [{}], \
-                 sign: {}, gear: {}, offset: {}, torque_constant: {}}}",
+                 sign: {}, gear: {}, offset: {}, torque_constant: {}, drive: {}}}",
                 motor.protocol.name,
                 motor.common.mode.name(),
                 ids.join(", "),
                 map.sign,
                 map.gear,
                 map.offset,
-                map.torque_constant
+                map.torque_constant,
+                motor.settings
             );
         }
         text

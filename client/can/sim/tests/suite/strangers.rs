@@ -345,6 +345,9 @@ fn a_record_of_another_robot_or_other_zeros_or_half_of_one_arms_nothing() {
     for end in (0..own.trim_end().len()).step_by(29) {
         assert!(!is_done(&ankle, &own[..end]), "{end}");
     }
+    // a range of the codes scales as a gear does
+    let drive = own.find("velocity_range: ").unwrap() + 16;
+    assert!(!is_done(&ankle, &format!("{}1{}", &own[..drive], &own[drive..])));
     let offset = own.find("offset: ").unwrap() + 8;
     let other = format!("{}1{}", &own[..offset], &own[offset..]);
     assert!(!is_done(&ankle, &other));
