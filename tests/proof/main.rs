@@ -34,6 +34,7 @@ mod implicit;
 mod laws;
 mod layers;
 mod links;
+mod motors;
 mod pairs;
 mod parts;
 mod published;

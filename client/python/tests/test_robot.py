@@ -87,6 +87,45 @@ class Answers(unittest.TestCase):
         mass_matrix = robot.query("inverse-dynamics", ["y"], ["M_y"])(y=y).M_y
         self.assertAlmostEqual(sums.energy[0], yd @ mass_matrix @ yd / 2, 12)
 
+    def test_what_the_motors_allow_fits_the_map(self):
+        robot = sarrus.Robot.bundled("ankle")
+        want = ["torque_vertices", "torque_support", "G_u"]
+        query = robot.query("kinematics", ["y"], want, directions=3)
+        d = np.array([[1.0, 0.0], [0.0, -1.0], [0.5, 0.5]])
+        x = query(y=[0.1, 0.05], directions=d)
+        self.assertEqual(x.torque_vertices.shape, (4, 2))
+        np.testing.assert_allclose((x.torque_vertices @ d.T).max(0), x.torque_support, rtol=1e-12)
+        rows = query(y=np.full((2, 2), 0.1), directions=np.stack([d, d]))
+        self.assertEqual(rows.torque_support.shape, (2, 3))
+        gains = robot.query("map", ["y", "tau_y", "gains_u"], ["gains_y", "margin", "binding"])
+        x = gains(y=[0.1, 0.05], tau_y=[1.0, 0.0], gains_u=[[100.0, 5.0], [100.0, 5.0]])
+        self.assertEqual((x.gains_y.shape, x.binding.sum()), ((2, 5), 1.0))
+        self.assertGreater(x.margin, 0.0)
+
+    def test_a_map_of_what_the_motors_allow_is_arrays_and_a_page(self):
+        robot = sarrus.Robot.bundled("ankle")
+        with tempfile.TemporaryDirectory() as folder:
+            page = Path(folder) / "map.html"
+            (ankle,) = sarrus.capability(robot, grid=5, page=page)
+            self.assertIn("torque_vertices", page.read_text(encoding="utf-8"))
+            ankle.save(Path(folder) / "map.npz")
+            kept = np.load(Path(folder) / "map.npz")
+            np.testing.assert_array_equal(kept["torque_max"], ankle.torque_max)
+            ankle.save(Path(folder) / "map.csv")
+            table = np.genfromtxt(Path(folder) / "map.csv", delimiter=",", names=True)
+            self.assertEqual(len(table), 25)
+        self.assertEqual(ankle.reflected_inertia.shape, (25, 2, 2))
+        self.assertTrue(np.isnan(ankle.sigma_min[~ankle.reachable]).all())
+        with self.assertRaisesRegex(ValueError, "points, expected at most"):
+            sarrus.capability(robot, grid=1001)
+
+    def test_friction_counts_where_it_is_asked(self):
+        robot = sarrus.Robot.bundled("lambda")
+        given = {"y": [0.2], "yd": [1.0]}
+        plain = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"])(**given)
+        rough = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"], friction=True)(**given)
+        np.testing.assert_array_equal(plain.tau_u, rough.tau_u)
+
     def test_frames_are_seen_in_other_axes_and_from_a_link(self):
         robot = sarrus.Robot.bundled("rh5v2_upper_body")
         random = np.random.default_rng(4)

@@ -147,6 +147,9 @@ static int plans(void) {
     query.reserved[5] = 1;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
     query.reserved[5] = 0;
+    query.n_directions = 65;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "bad_query");
+    query.n_directions = 0;
     query.axes = 3;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
     query.axes = SARRUS_AXES_LOCAL;

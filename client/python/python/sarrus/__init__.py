@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         StateError,
         StateWarning,
     )
+    from sarrus.limits import Capability, capability
     from sarrus.names import Names
     from sarrus.query import Answer, Query
     from sarrus.results import Actuators, Frames, Independents, State
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Actuators",
     "Answer",
+    "Capability",
     "ConnectError",
     "Constant",
     "Error",
@@ -57,10 +59,12 @@ __all__ = [
     "Warnings",
     "__version__",
     "bundled",
+    "capability",
 ]
 
 _MODULES = {
     "errors": ("ConnectError", "Error", "LoadError", "QueryError", "StateError", "StateWarning"),
+    "limits": ("Capability", "capability"),
     "names": ("Names",),
     "query": ("Answer", "Query"),
     "results": ("Actuators", "Frames", "Independents", "State"),

@@ -21,6 +21,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         report: &RunReport<T>,
+        input: &[T],
         output: &mut [T],
     ) -> Status {
         if self.steps.frames || self.steps.links {
@@ -44,6 +45,10 @@ impl Plan {
                 return status;
             }
         }
+        let status = self.write_motors(model, ws, input, output);
+        if status != Status::Ok {
+            return status;
+        }
         if let Some(conditions) = conditions {
             let figures = [
                 (Field::Residual, conditions.residual),
@@ -63,10 +68,11 @@ impl Plan {
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
-        let may_be_infinite =
-            |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let may_be_infinite = |field: Field| {
+            matches!(field, Field::CondKd | Field::CondGu | Field::CondMy) || field.is_of_motors()
+        };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        let fits = if self.steps.conditions {
+        let fits = if self.steps.conditions || self.motors.is_some() {
             slots.all(|slot| all_finite(&output[slot.range()]))
         } else {
             all_finite(output)
