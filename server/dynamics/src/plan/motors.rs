@@ -70,9 +70,9 @@ impl Plan {
         input: &[T],
         output: &mut [T],
     ) -> Status {
-        let Some((motors, mut own)) = self.motors.as_ref().zip(ws.motors.take()) else {
-            return Status::Ok;
-        };
+        // a plan without such fields leaves the scratch to those with them
+        let Some(motors) = &self.motors else { return Status::Ok };
+        let Some(mut own) = ws.motors.take() else { return Status::WrongSize };
         own.no_limit = false;
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
         for ((limits, motor), v) in own.limits.iter_mut().zip(&model.motors).zip(&model.order.u_v) {
