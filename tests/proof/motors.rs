@@ -42,7 +42,7 @@ struct Limited {
     description: Description,
     effort: Vec<f64>,
     velocity: Vec<f64>,
-    /// The tree velocities of up to four independents that belong together, and their places in y.
+    /// The tree velocities of up to three independents of a mechanism, and their places in y.
     picks: Vec<(Vec<u16>, Vec<usize>)>,
 }
 
@@ -71,15 +71,17 @@ fn limited(case: &Case) -> Limited {
         .iter()
         .map(|group| {
             let names = group.independent.iter().map(|j| &description.joints[*j].name);
-            let mut picked: Vec<(u16, usize)> = names
+            let (mut v, mut k): (Vec<u16>, Vec<usize>) = names
                 .filter_map(|name| {
                     let v = place(model.tree_names(), name)?;
                     Some((v as u16, place(model.independent_names(), name)?))
                 })
                 .take(3)
-                .collect();
-            picked.sort_unstable();
-            picked.into_iter().unzip()
+                .unzip();
+            // rows come in the order of y, whatever that of the picked joints
+            v.sort_unstable();
+            k.sort_unstable();
+            (v, k)
         })
         .filter(|(v, _): &(Vec<u16>, Vec<usize>)| !v.is_empty())
         .collect();

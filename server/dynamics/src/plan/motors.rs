@@ -67,11 +67,10 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
+        motors: &Motors,
         input: &[T],
         output: &mut [T],
     ) -> Status {
-        // a plan without such fields leaves the scratch to those with them
-        let Some(motors) = &self.motors else { return Status::Ok };
         let Some(mut own) = ws.motors.take() else { return Status::WrongSize };
         own.no_limit = false;
         let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;

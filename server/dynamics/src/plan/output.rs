@@ -45,9 +45,12 @@ impl Plan {
                 return status;
             }
         }
-        let status = self.write_motors(model, ws, input, output);
-        if status != Status::Ok {
-            return status;
+        // no packet has them
+        if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
+            let status = self.write_motors(model, ws, motors, input, output);
+            if status != Status::Ok {
+                return status;
+            }
         }
         if let Some(conditions) = conditions {
             let figures = [
