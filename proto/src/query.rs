@@ -95,9 +95,7 @@ impl Request {
             Request::ForwardDynamics => {
                 ANSWERS.without(FORCES).without(OF_FORCES).without(LIMITED).with(TauY)
             }
-            Request::Map => {
-                FieldSet(STATE.with(TauY).with(TauU).with(TauUnactuated).0 | LIMITED.0)
-            }
+            Request::Map => FieldSet(STATE.with(TauY).with(TauU).with(TauUnactuated).0 | LIMITED.0),
         }
     }
 }

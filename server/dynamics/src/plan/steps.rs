@@ -102,9 +102,8 @@ impl Steps {
         let derivatives = want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
-        let forces = force_derivatives
-            || want.has_any(&FORCES)
-            || want.has_any(&OF_ACTUATOR_FORCES);
+        let forces =
+            force_derivatives || want.has_any(&FORCES) || want.has_any(&OF_ACTUATOR_FORCES);
         let newton_euler = forward || dynamics && forces;
         let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
         Steps {

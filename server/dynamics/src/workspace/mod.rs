@@ -159,13 +159,8 @@ impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        let needs = Needs {
-            mass_matrix: true,
-            dense: true,
-            kkt: false,
-            derivatives: true,
-            motors: true,
-        };
+        let needs =
+            Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true, motors: true };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)

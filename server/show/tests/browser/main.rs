@@ -542,8 +542,7 @@ fn a_map_of_motors_shows_the_numbers_of_its_point_at_every_size() {
             answer.wide = document.documentElement.scrollWidth - innerWidth;
         ";
         for size in SIZES {
-            let Some(answer) = run_page(&format!("map_{robot}"), &text, script, size, "")
-            else {
+            let Some(answer) = run_page(&format!("map_{robot}"), &text, script, size, "") else {
                 return;
             };
             assert_ne!(answer["before"], answer["after"], "{robot}");
