@@ -78,7 +78,7 @@ fn limited(case: &Case) -> Limited {
                 })
                 .take(3)
                 .unzip();
-            // rows come in the order of y, whatever that of the picked joints
+            // rows come in the order of y
             v.sort_unstable();
             k.sort_unstable();
             (v, k)

@@ -1,5 +1,7 @@
 //! The loop over steps: one attempt after the other, switching of independents, samples.
 
+use std::mem;
+
 use sarrus_dynamics::Status;
 use sarrus_dynamics::scalar::Dd;
 
@@ -103,15 +105,9 @@ impl<'a> Simulator<'a> {
                 self.run.end = End::TooManySteps;
                 break;
             }
-            if attempts % STALLED == 0 {
-                if !self.settings.method.is_fixed()
-                    && self.t - before < MOVED * end
-                    && !self.look(true)?
-                {
-                    self.run.end = End::StepTooShort;
-                    break;
-                }
-                before = self.t;
+            if attempts % STALLED == 0 && self.stalls(mem::replace(&mut before, self.t))? {
+                self.run.end = End::StepTooShort;
+                break;
             }
             let next_sample = self.settings.sample_after(sampled);
             // near a singularity a step may turn out to be none
@@ -173,6 +169,12 @@ impl<'a> Simulator<'a> {
         }
         self.finish()?;
         Ok(self.run)
+    }
+
+    /// True if the time stands still since `before` with any independents.
+    fn stalls(&mut self, before: f64) -> Result<bool, SimulationError> {
+        let moves = self.t - before >= MOVED * self.settings.duration;
+        Ok(!moves && !self.settings.method.is_fixed() && !self.look(true)?)
     }
 
     /// Samples the end and notes events, counts and independents of the run.
