@@ -11,7 +11,7 @@ use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::needed::Needed;
-use crate::scalar::Real;
+use crate::scalar::{Real, all_finite};
 use crate::workspace::{MOST_SEGMENTS, MotorScratch, Workspace};
 
 /// Part of a force that counts as rounding of the rest of it.
@@ -82,17 +82,26 @@ impl Plan {
                 [T::from_f64(f64::NAN); 2]
             };
         }
-        if self.wants_any(&[Field::Margin, Field::Clip, Field::Binding]) {
+        let is_finite = |c: &usize| all_finite(&ws.tau_y[model.clusters[*c].independents()]);
+        let mut status = Status::Ok;
+        if self.reads_forces() && !motors.clusters.iter().all(is_finite) {
+            status = Status::NonFiniteInput;
+        } else if self.wants_any(&[Field::Margin, Field::Clip, Field::Binding]) {
             self.find_margin(model, ws, motors, &mut own);
         }
         let slots = self.want().slots().iter().filter(|slot| slot.field.is_of_motors());
-        let mut status = Status::Ok;
         for slot in slots {
+            if status != Status::Ok {
+                break;
+            }
             let out = &mut output[slot.range()];
             status = self.write_motor_field(model, ws, motors, &mut own, (slot, input), out);
             out.iter_mut().for_each(|x| *x = x.plus_zero());
-            if status != Status::Ok {
-                break;
+            // other numbers are too large to be computed with
+            let may_miss = slot.field == Field::Margin || slot.field.has_vertex_rows();
+            let fits = |x: &T| x.is_finite() || (own.no_limit || may_miss) && x.to_f64().is_nan();
+            if status == Status::Ok && !out.iter().all(fits) {
+                status = Status::NonFiniteInput;
             }
         }
         ws.motors = Some(own);
@@ -119,13 +128,13 @@ impl Plan {
                 if slot.field == Field::TorqueVerticesNet {
                     own.base.iter_mut().zip(rows).for_each(|(x, k)| *x -= ws.C_net[*k]);
                 }
-                write_vertices(rows.len(), own, out);
+                return write_vertices(rows.len(), own, out);
             }
             Field::SpeedVertices => {
                 if !self.speed_segments(model, ws, motors, own) {
                     return Status::SingularActuation;
                 }
-                write_vertices(rows.len(), own, out);
+                return write_vertices(rows.len(), own, out);
             }
             Field::TorqueSupport | Field::TorqueSupportNet => {
                 let directions = given(Field::Directions).chunks_exact(model.sizes().n_vy.max(1));
@@ -152,6 +161,8 @@ impl Plan {
                 out.iter_mut().zip(rows).for_each(|(x, k)| *x = scale * ws.tau_y[*k]);
             }
             Field::ClipNearest => {
+                let mut active = motors.clusters.iter().flat_map(|c| &model.clusters[*c].active);
+                own.no_limit |= active.any(|(u, _)| !own.limits[*u][0].is_finite());
                 let clipped = |u: usize, _| {
                     let [lower, upper] = own.limits[u];
                     let tau = ws.tau_u[u];
@@ -160,7 +171,6 @@ impl Plan {
                     if lower.is_finite() { tau } else { nan }
                 };
                 self.along(model, ws, clipped, |row, x| out[row] = x);
-                own.no_limit |= !out.iter().all(|x| x.is_finite());
             }
             Field::Binding => out.copy_from_slice(&own.binding),
             _ => {}
@@ -423,12 +433,15 @@ fn support<T: Real>(model: &Model<T>, ws: &Workspace<T>, own: &mut MotorScratch<
 }
 
 /// Writes the vertices of the lowest corner and its segments; missing ones are NaN.
-fn write_vertices<T: Real>(p: usize, own: &mut MotorScratch<T>, out: &mut [T]) {
-    let MotorScratch { segments, scratch, signs, base, n, .. } = own;
+fn write_vertices<T: Real>(p: usize, own: &mut MotorScratch<T>, out: &mut [T]) -> Status {
+    let MotorScratch { segments, scratch, signs, base, n, no_limit, .. } = own;
     let segments = &segments[..*n * p];
     out.fill(T::from_f64(f64::NAN));
-    if p == 0 || !segments.iter().chain(&base[..p]).all(|x| x.is_finite()) {
-        return;
+    if !all_finite(segments) || !all_finite(&base[..p]) {
+        return if *no_limit { Status::Ok } else { Status::NonFiniteInput };
+    }
+    if p == 0 {
+        return Status::Ok;
     }
     let count = Zonotope::with(segments, p, scratch, |set, rest| set.vertices(rest, signs));
     for (vertex, signs) in out.chunks_exact_mut(p).zip(&signs[..count]) {
@@ -441,6 +454,7 @@ fn write_vertices<T: Real>(p: usize, own: &mut MotorScratch<T>, out: &mut [T]) {
         let written = count.min(out.len() / p) * p;
         around(&base[..p], segments, &mut out[..written]);
     }
+    Status::Ok
 }
 
 /// Orders points of a plane around the middle of the set.
