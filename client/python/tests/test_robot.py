@@ -120,11 +120,19 @@ class Answers(unittest.TestCase):
             sarrus.capability(robot, grid=1001)
 
     def test_friction_counts_where_it_is_asked(self):
-        robot = sarrus.Robot.bundled("lambda")
-        given = {"y": [0.2], "yd": [1.0]}
+        text = """<robot name="arm"><link name="base"/><link name="bob"><inertial>
+            <origin xyz="0 0 -0.5"/><mass value="2"/>
+            <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+            <joint name="pivot" type="continuous"><parent link="base"/><child link="bob"/>
+            <axis xyz="0 1 0"/><dynamics damping="0" friction="0.5"/></joint></robot>"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arm.urdf"
+            path.write_text(text, encoding="utf-8")
+            robot = sarrus.Robot(path)
+        given = {"y": [0.2], "yd": [0.01]}
         plain = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"])(**given)
         rough = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"], friction=True)(**given)
-        np.testing.assert_array_equal(plain.tau_u, rough.tau_u)
+        np.testing.assert_allclose(rough.tau_u - plain.tau_u, [0.5 * np.tanh(1.0)], rtol=1e-12)
 
     def test_frames_are_seen_in_other_axes_and_from_a_link(self):
         robot = sarrus.Robot.bundled("rh5v2_upper_body")
