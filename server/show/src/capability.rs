@@ -12,7 +12,7 @@ use sarrus_dynamics::{Field, FieldSet, Model, ModelInfo, Plan, Query, Request, S
 use sarrus_models::{Loaded, matching_joints};
 use serde_json::{Map, Value, json};
 
-use crate::{embedded, text};
+use crate::{HEAD, embedded, text};
 
 /// Most points of one map.
 pub const MOST_POINTS: usize = 1_000_000;
@@ -515,6 +515,7 @@ pub fn capability_page(robot: &str, maps: &[Capability]) -> String {
         include_str!("../page/capability.js")
     );
     include_str!("../page/capability.html")
+        .replace("@HEAD@", HEAD)
         .replace("@STYLE@", include_str!("../page/page.css"))
         .replace("@TITLE@", &text(robot))
         .replace("@SCRIPTS@", &scripts)
