@@ -9,6 +9,7 @@
     reason = "a test that fails panics"
 )]
 
+mod actuators;
 mod agreement;
 mod allocation;
 mod assembly;
