@@ -19,6 +19,7 @@ from sarrus import _native
 from sarrus._native import VERSION as __version__
 
 if TYPE_CHECKING:
+    from sarrus import policy
     from sarrus.errors import (
         ConnectError,
         Error,
@@ -60,6 +61,7 @@ __all__ = [
     "__version__",
     "bundled",
     "capability",
+    "policy",
 ]
 
 _MODULES = {
@@ -76,6 +78,8 @@ _MODULES = {
 
 def __getattr__(name: str) -> Any:
     """Import the dynamics at first use: the CAN bridge runs without numpy."""
+    if name == "policy":
+        return importlib.import_module("sarrus.policy")
     for module, names in _MODULES.items():
         if name in names:
             value = globals()[name] = getattr(importlib.import_module(f"sarrus.{module}"), name)
