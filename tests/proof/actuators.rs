@@ -2,7 +2,7 @@
 //! with them.
 
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, FieldSet, Query, QueryOptions, Request};
+use sarrus_dynamics::{Field, QueryOptions, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_simulation::{
     EventKind, Input, Method, Settings, Setup, Source as Force, Space, Start, simulate,
