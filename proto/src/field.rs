@@ -189,6 +189,15 @@ wire_enum! {
         ClipNearest = 77, "clip_nearest";
         /// 1 for the actuators at their limits at `margin` times τ_y, else 0 (n_u).
         Binding = 78, "binding";
+        /// Time since the state of the given `observer` `[s]` (1).
+        Dt = 79, "dt";
+        /// Bandwidth of the observer `[1/s]` (1).
+        Gain = 80, "gain";
+        /// State of the momentum observer, a row of each independent: external force, momentum,
+        /// and the rate of the momentum without external forces (n_vy × 3).
+        Observer = 81, "observer";
+        /// Forces along the independents that none of the given ones explains (n_vy).
+        TauExternal = 82, "tau_external";
     }
 }
 
@@ -244,6 +253,9 @@ impl Field {
             MY | DtauYDy | DtauYDyd | DyddDy | DyddDyd | DtauUnactuatedDy | DtauUnactuatedDyd => {
                 (p.n_vy, s.n_vy)
             }
+            Dt | Gain => (1, 1),
+            Observer => (s.n_vy, 3),
+            TauExternal => (p.n_vy, 1),
             Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => (1, 1),
             GoodIndependents => (s.n_v, 1),
             Uncontrolled => (s.n_vy, 1),

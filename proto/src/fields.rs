@@ -122,6 +122,11 @@ fields! {
     Clip "n_vy" "N, N m" "s τ_y with s ≤ 1 and s ≤ `margin`";
     ClipNearest "n_vy" "N, N m" "G_uᵀ τ_u of the τ_u within the limits nearest to that of τ_y";
     Binding "n_u" "-" "1 for the actuators at their limits at `margin` times τ_y, else 0";
+    Dt "1" "s" "time since the state of `observer`";
+    Gain "1" "1/s" "bandwidth of the observer";
+    Observer "n_vy × 3" "mixed"
+        "state of the momentum observer: external force, momentum, its rate without that force";
+    TauExternal "n_vy" "N m, N" "forces along the independents that no given one explains";
 }
 
 #[cfg(test)]

@@ -27,6 +27,8 @@ wire_enum! {
         ForwardDynamics = 3, "forward-dynamics";
         /// Positions, velocities, accelerations and forces from one space to another.
         Map = 4, "map";
+        /// Motion and forces of the actuators to the forces from outside.
+        Observe = 5, "observe";
     }
 }
 
@@ -43,6 +45,7 @@ impl Request {
             }
             Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
             Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
+            Request::Observe => FieldSet::of(&[Field::TauExternal, Field::Observer]),
         }
     }
 
@@ -50,13 +53,15 @@ impl Request {
     const fn inputs(self) -> FieldSet {
         use Field::*;
         const MOTION: FieldSet = VELOCITY.with(Ydd).with(Qdd).with(Udd);
-        const VELOCITY: FieldSet =
-            FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess, Directions, GainsU]);
+        const VELOCITY: FieldSet = STATE.with(Directions).with(GainsU);
+        const STATE: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
+        const OBSERVED: FieldSet = FieldSet::of(&[Wrenches, TauQ, TauY, TauU, Dt, Gain, Observer]);
         match self {
             Request::Kinematics => MOTION,
             Request::InverseDynamics => MOTION.with(Wrenches),
             Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
             Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
+            Request::Observe => FieldSet(STATE.0 | OBSERVED.0),
         }
     }
 
@@ -65,7 +70,8 @@ impl Request {
         use Field::*;
         // every field except given-only ones, and the forces and masses of some requests
         const ANSWERS: FieldSet = FieldSet::of(Field::ALL)
-            .without(FieldSet::of(&[QGuess, QdGuess, Wrenches, Directions, GainsU]));
+            .without(FieldSet::of(&[QGuess, QdGuess, Wrenches, Directions, GainsU]))
+            .without(FieldSet::of(&[Dt, Gain, Observer, TauExternal]));
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
         const MASSES: FieldSet = FieldSet::of(&[
             Lambda,
@@ -96,6 +102,12 @@ impl Request {
                 ANSWERS.without(FORCES).without(OF_FORCES).without(LIMITED).with(TauY)
             }
             Request::Map => FieldSet(STATE.with(TauY).with(TauU).with(TauUnactuated).0 | LIMITED.0),
+            Request::Observe => FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, TauExternal, Observer])
+                .with(Residual)
+                .with(Iterations)
+                .with(SigmaMin)
+                .with(NearestY)
+                .with(Limits),
         }
     }
 }
@@ -269,7 +281,7 @@ impl fmt::Display for QueryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             QueryError::UnknownRequest(code) => {
-                write!(f, "request number {code} is unknown; this version knows 1 to 4")
+                write!(f, "request number {code} is unknown; this version knows 1 to 5")
             }
             QueryError::UnknownField => {
                 write!(f, "a field number is unknown to sarrus {VERSION}; client and server differ")
@@ -509,8 +521,15 @@ impl Query {
         if !self.given.has_any(&[Y, Q, U]) {
             return Err(QueryError::Missing("where the robot is: give y, q or u"));
         }
-        if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
+        let needs_forces = matches!(request, Request::ForwardDynamics | Request::Observe);
+        if needs_forces && !self.given.has_any(&[TauQ, TauY, TauU]) {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        if request == Request::Observe && !self.given.has_any(&[Yd, Qd, Ud]) {
+            return Err(QueryError::Missing("how the robot moves: give yd, qd or ud"));
+        }
+        if request == Request::Observe && !(self.given.has(Dt) && self.given.has(Gain)) {
+            return Err(QueryError::Missing("the time step and the bandwidth: give dt and gain"));
         }
         Ok(())
     }

@@ -36,6 +36,7 @@ mod laws;
 mod layers;
 mod links;
 mod motors;
+mod observer;
 mod pairs;
 mod parts;
 mod published;

@@ -43,7 +43,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 79] = [
+    const NAMES: [&str; 83] = [
         "y",
         "yd",
         "ydd",
@@ -123,6 +123,10 @@ fn fields_keep_their_numbers_and_names() {
         "clip",
         "clip_nearest",
         "binding",
+        "dt",
+        "gain",
+        "observer",
+        "tau_external",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -158,11 +162,11 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
     }
-    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map"];
+    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map", "observe"];
     for (code, name) in (1..).zip(requests) {
         assert_eq!(Request::from_code(code).map(Request::name), Some(name));
     }
-    assert_eq!((Request::from_code(0), Request::from_code(5)), (None, None));
+    assert_eq!((Request::from_code(0), Request::from_code(6)), (None, None));
 }
 
 #[test]

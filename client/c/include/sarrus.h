@@ -393,6 +393,10 @@ enum sarrus_request
      * Positions, velocities, accelerations and forces from one space to another.
      */
     SARRUS_REQUEST_MAP = 4,
+    /**
+     * Motion and forces of the actuators to the forces from outside.
+     */
+    SARRUS_REQUEST_OBSERVE = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -25,6 +25,8 @@ pub enum Request {
     ForwardDynamics = 3,
     /// Positions, velocities, accelerations and forces from one space to another.
     Map = 4,
+    /// Motion and forces of the actuators to the forces from outside.
+    Observe = 5,
 }
 
 /// Axes and reference point of the twists, accelerations and Jacobians of frames.

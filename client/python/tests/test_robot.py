@@ -102,6 +102,24 @@ class Answers(unittest.TestCase):
         self.assertEqual((x.gains_y.shape, x.binding.sum()), ((2, 5), 1.0))
         self.assertGreater(x.margin, 0.0)
 
+    def test_an_observer_finds_a_force_that_nothing_explains(self):
+        robot = sarrus.Robot.bundled("ankle")
+        given = ["y", "yd", "tau_y", "dt", "gain", "observer"]
+        step = robot.query("observe", given)
+        y, yd = np.array([0.1, 0.05]), np.zeros(2)
+        tau_y = robot.bias_force(y) - [1.0, -2.0]
+        observer = np.zeros(step.given["observer"])
+        for dt in [0.0] + [0.1] * 20:
+            x = step(y=y, yd=yd, tau_y=tau_y, dt=dt, gain=20.0, observer=observer)
+            observer = x.observer
+        self.assertEqual(observer.shape, (2, 3))
+        np.testing.assert_allclose(x.tau_external, [1.0, -2.0], atol=1e-12)
+        rows = step(
+            y=np.stack([y, y]), yd=np.zeros((2, 2)), tau_y=np.stack([tau_y, tau_y]),
+            dt=[0.1, 0.1], gain=[20.0, 20.0], observer=np.stack([observer, observer]),
+        )  # fmt: skip
+        np.testing.assert_array_equal(rows.observer[0], rows.observer[1])
+
     def test_a_map_of_what_the_motors_allow_is_arrays_and_a_page(self):
         robot = sarrus.Robot.bundled("ankle")
         with tempfile.TemporaryDirectory() as folder:

@@ -200,6 +200,35 @@ fn what_the_motors_allow_has_its_shapes_and_names() {
 }
 
 #[test]
+fn an_observer_goes_from_line_to_line_and_finds_the_force_of_a_robot_that_stands() {
+    let hold = one("inverse-dynamics", "torso", r#"{"y":[0.1,0.05],"want":["tau_y"]}"#);
+    let tau: Vec<f64> = numbers(&hold["tau_y"]).iter().map(|x| x - 2.0).collect();
+    let mut line = json!({"y": [0.1, 0.05], "yd": [0, 0], "tau_y": tau, "dt": 0.1, "gain": 20});
+    let mut forces = Vec::new();
+    for _ in 0..20 {
+        let answer = one("observe", "torso", &line.to_string());
+        forces.push(numbers(&answer["tau_external"])[0]);
+        line["observer"] = answer["observer"].clone();
+    }
+    assert_eq!(forces[0], 0.0);
+    // what holds the robot lacks 2 N m, so that something else gives them
+    for (k, force) in forces.iter().enumerate() {
+        assert!((force - 2.0 * (1.0 - (-2.0 * k as f64).exp())).abs() < 1e-12, "{forces:?}");
+    }
+    for (more, word) in [
+        (r#""dt":-1,"gain":1"#, "dt as a number"),
+        (r#""dt":[1],"gain":1"#, "dt as a number"),
+        (r#""dt":1"#, "give dt and gain"),
+        (r#""dt":1,"gain":1,"observer":[[0,0,0]]"#, "2 times a row of the observer of 3"),
+        (r#""dt":1,"gain":1,"observer":[[0,0],[0,0,0]]"#, "has 2 numbers, expected 3"),
+    ] {
+        let line = format!(r#"{{"y":[0,0],"yd":[0,0],"tau_u":[0,0],{more}}}"#);
+        let answer = ask("observe", "torso", &[&line]).json().remove(0);
+        assert!(answer["error"].as_str().unwrap().contains(word), "{answer}");
+    }
+}
+
+#[test]
 fn maps_of_motors_are_the_fields_at_their_points() {
     let mapped = run(&["capability", "--robot", "torso", "--grid", "3"], b"");
     let map = mapped.json().remove(0);

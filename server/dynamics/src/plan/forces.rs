@@ -359,6 +359,27 @@ impl Plan {
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
     }
 
+    /// τ_y of the given forces less gravity, springs, dampers, friction and wrenches.
+    pub(super) fn known_forces<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        report: &mut RunReport<T>,
+    ) {
+        let scope = &self.needed.scope;
+        let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
+        algorithms::rest_forces(model, scope, &ws.q, wrench, &mut ws.motion, &mut ws.tau_q);
+        for damper in &model.terms.dampers {
+            ws.tau_q[damper.v] = damper.damping.mul_add(ws.qd[damper.v], ws.tau_q[damper.v]);
+        }
+        self.friction(model, &ws.qd, &mut ws.tau_q);
+        ws.tau_terms.fill(T::ZERO);
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+        report.doubt.times(self.given_forces(model, ws, input));
+        ws.tau_y.iter_mut().zip(&ws.C_y).for_each(|(tau, C)| *tau -= *C);
+    }
+
     /// τ += F tanh(q̇ / v₀) + d q̇, where it is asked.
     #[inline]
     fn friction<T: Real>(&self, model: &Model<T>, qd: &[T], tau_q: &mut [T]) {

@@ -12,6 +12,7 @@ mod links;
 mod motors;
 mod needed;
 mod newton;
+mod observer;
 mod outline;
 mod output;
 mod run;

@@ -54,6 +54,8 @@ pub(super) const DERIVATIVES: [Field; 13] = [
     Field::DgBiasDyd,
     Field::DjacobianDy,
 ];
+/// Fields of the observer, which reads Ġ.
+pub(super) const OBSERVED: [Field; 2] = [Field::Observer, Field::TauExternal];
 pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
@@ -210,6 +212,7 @@ fn roots<C>(
         }
         Request::InverseDynamics if want.has_any(&FORCES) => rows.clone(),
         Request::InverseDynamics => Vec::new(),
+        Request::Observe if want.has_any(&OBSERVED) => all(),
         Request::ForwardDynamics if whole => all(),
         Request::ForwardDynamics => {
             let on_paths = frames.iter().map(|i| model.cluster_of[*i]);

@@ -7,7 +7,7 @@ use crate::linalg::solve_sound;
 use crate::mechanism::Frame;
 use crate::model::Model;
 use crate::plan::diagnostics::singular;
-use crate::plan::needed::OF_THE_LINKS;
+use crate::plan::needed::{OBSERVED, OF_THE_LINKS};
 use crate::plan::run::RunReport;
 use crate::plan::{Plan, links};
 use crate::scalar::{Real, all_finite};
@@ -222,7 +222,7 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
-            field if field.is_derivative() && !T::STRAIGHT => {
+            field if (field.is_derivative() || OBSERVED.contains(&field)) && !T::STRAIGHT => {
                 self.write_derivative(model, ws, field, out);
             }
             // written where they are computed

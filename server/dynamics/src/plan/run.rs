@@ -220,6 +220,10 @@ impl Plan {
             Request::InverseDynamics => self.inverse_dynamics(model, ws, input, report),
             Request::ForwardDynamics => self.forward_dynamics(model, ws, input, report),
             Request::Map => self.map_forces(model, ws, input, report),
+            Request::Observe if self.steps.observes => {
+                self.known_forces(model, ws, input, report);
+                Ok(())
+            }
             _ => Ok(()),
         }?;
         // no packet has them

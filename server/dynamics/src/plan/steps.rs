@@ -85,6 +85,8 @@ pub(super) struct Steps {
     /// Derivatives, and those of them that need forces.
     pub(super) derivatives: bool,
     pub(super) force_derivatives: bool,
+    /// The step of the observer.
+    pub(super) observes: bool,
 }
 
 impl Steps {
@@ -99,7 +101,8 @@ impl Steps {
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
         let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
         let links = want.has_any(&needed::OF_THE_LINKS);
-        let derivatives = want.has_any(&needed::DERIVATIVES);
+        let observes = want.has_any(&needed::OBSERVED);
+        let derivatives = observes || want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
         let forces =
@@ -136,6 +139,7 @@ impl Steps {
             conditions,
             derivatives,
             force_derivatives,
+            observes,
         }
     }
 }
@@ -144,7 +148,7 @@ impl Steps {
 fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Level {
     let want = query.want;
     let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-    let derivatives = want.has_any(&needed::DERIVATIVES);
+    let derivatives = want.has_any(&needed::DERIVATIVES) || want.has_any(&needed::OBSERVED);
     let reads_bias =
         derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics

@@ -206,7 +206,8 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::Centroidal
         | Field::JdYd
         | Field::ReflectedInertia
-        | Field::ReflectedDamping => rows(out, slot.rows, slot.columns, numbers),
+        | Field::ReflectedDamping
+        | Field::Observer => rows(out, slot.rows, slot.columns, numbers),
         field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }

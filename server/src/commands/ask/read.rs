@@ -1,6 +1,7 @@
 //! Reads a line: its inputs and its wanted outputs, or the reason why it is invalid.
 
 use std::iter;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use sarrus_client::{
@@ -108,8 +109,21 @@ impl Reader<'_> {
             "search" => self.option("search", QueryOptions::SEARCH, value)?,
             "friction" => self.option("friction", QueryOptions::FRICTION, value)?,
             "axes" => self.axes = axes(value)?,
+            "dt" | "gain" => {
+                let expected = format!("{name} as a number from 0 on");
+                let number = value.number().filter(|x| *x >= 0.0);
+                let numbers = vec![number.ok_or_else(|| value.is_no(&expected))?];
+                let field = if name == "dt" { Field::Dt } else { Field::Gain };
+                self.given.push(Given { field, numbers, offset: key.offset });
+            }
+            "observer" => {
+                let n = self.model.sizes.n_vy;
+                let numbers = self.read_rows("a row of the observer", value, n..=n, 3)?;
+                self.given.push(Given { field: Field::Observer, numbers, offset: key.offset });
+            }
             "directions" => {
-                let numbers = self.read_directions(value)?;
+                let n = self.model.sizes.n_vy;
+                let numbers = self.read_rows("a direction", value, 1..=MAX_DIRECTIONS, n)?;
                 self.directions = Some(numbers.len() / self.model.sizes.n_vy.max(1));
                 self.given.push(Given { field: Field::Directions, numbers, offset: key.offset });
             }
@@ -132,8 +146,9 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, directions, gains_u, frames, joints, want, loop_tolerance, \
-                         projection_tolerance, axes, relative_to, search, friction, deadline_us",
+                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, want, \
+                         loop_tolerance, projection_tolerance, axes, relative_to, search, \
+                         friction, deadline_us",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -249,22 +264,32 @@ impl Reader<'_> {
         Ok(wrenches)
     }
 
-    /// Directions of ẏ, one after the other.
-    fn read_directions(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
-        let n = self.model.sizes.n_vy;
+    /// Rows of `n` numbers, one after the other.
+    fn read_rows(
+        &mut self,
+        what: &str,
+        value: Value<'_>,
+        count: RangeInclusive<usize>,
+        n: usize,
+    ) -> Result<Vec<f64>, Problem> {
         let mut listed = Vec::new();
         let is_list = value.items(|item| {
             listed.push(item);
-            listed.len() <= MAX_DIRECTIONS
+            listed.len() <= *count.end()
         });
-        if is_list.is_none() || listed.is_empty() || listed.len() > MAX_DIRECTIONS {
-            let expected = format!("1 to {MAX_DIRECTIONS} directions such as [[1,0]]");
+        if is_list.is_none() || !count.contains(&listed.len()) {
+            let times = match count.start() == count.end() {
+                true => count.end().to_string(),
+                false => format!("{} to {}", count.start(), count.end()),
+            };
+            let row = vec!["0"; n.min(3)].join(",");
+            let expected = format!("{times} times {what} of {n} numbers such as [[{row}]]");
             return Err(value.is_no(&expected));
         }
         let mut numbers = Vec::new();
         for item in listed {
-            let direction = self.numbers("a direction", item, n)?;
-            numbers.extend(direction.into_iter().chain(iter::repeat(0.0)).take(n));
+            let row = self.numbers(what, item, n)?;
+            numbers.extend(row.into_iter().chain(iter::repeat(0.0)).take(n));
         }
         Ok(numbers)
     }
