@@ -146,8 +146,8 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, want, \
-                         loop_tolerance, projection_tolerance, axes, relative_to, search, \
+                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, \
+                         want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
                          friction, deadline_us",
                         known.join(", ")
                     );
