@@ -34,7 +34,8 @@ fn momentum_is_that_of_the_mass_matrix_and_its_rate_that_along_the_motion() {
         let h = Dd::from_f64(1e-9);
         let at =
             |t: Dd| (moved(case, &state.y, &state.yd, t), plus(&state.yd, &times(t, &state.ydd)));
-        let (before, behind) = (at(-h), at(h));
+        let before = at(-h);
+        let behind = at(h);
         let [p0, _] = ask(&before.0, &before.1);
         let [p1, _] = ask(&behind.0, &behind.1);
         let expected = times(Dd::ONE / (h + h), &minus(&p1, &p0));

@@ -424,17 +424,17 @@ impl Asked {
             let mut alone = f64::INFINITY;
             for sign in [1.0, -1.0] {
                 tau[place.vy] = sign;
-                let (_, margin) = ask(&self.margin, &[(Field::Y, y), (Field::TauY, &tau)]);
+                let margin = ask(&self.margin, &[(Field::Y, y), (Field::TauY, &tau)]).1;
                 alone = if margin[0].is_nan() { f64::NAN } else { alone.min(margin[0]) };
             }
             put("torque_alone", k, alone);
             if let Some(plan) = &self.speed[k] {
-                let (_, free) = ask(plan, &[(Field::Y, y)]);
+                let free = ask(plan, &[(Field::Y, y)]).1;
                 put("speed_free", k, free.iter().fold(f64::NAN, |most, x| most.max(*x)));
             }
         }
         if let Some(plan) = &self.vertices {
-            let (_, vertices) = ask(plan, &[(Field::Y, y)]);
+            let vertices = ask(plan, &[(Field::Y, y)]).1;
             vertices.iter().enumerate().for_each(|(k, x)| put("torque_vertices", k, *x));
         }
     }

@@ -31,7 +31,7 @@ impl<'a, T: Real> Zonotope<'a, T> {
         scratch: &mut [T],
         visit: impl FnOnce(Zonotope<'_, T>, &mut [T]) -> R,
     ) -> R {
-        let (floors, rest) = scratch.split_at_mut(if p == 0 { 0 } else { segments.len() / p });
+        let (floors, rest) = scratch.split_at_mut(segments.len().checked_div(p).unwrap_or(0));
         let rows = || segments.chunks_exact(p.max(1));
         let longest = rows().fold(T::ZERO, |most: T, g| most.larger(dot(g, g)));
         for (floor, g) in floors.iter_mut().zip(rows()) {
