@@ -95,6 +95,7 @@ pub(crate) fn put(
         limits: None,
         coupling: None,
         terms: Terms::default(),
+        motor: None,
     });
     description.links.push(Link { name: world, inertial: None });
     description.submechanisms.insert(

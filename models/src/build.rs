@@ -151,6 +151,7 @@ pub(crate) fn description(
             limits: limits(entry),
             coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
             terms: entry.terms,
+            motor: entry.motor.clone(),
         })
     });
     let joints: Vec<Joint> = joints.collect::<Option<_>>()?;

@@ -60,6 +60,7 @@
 //! the first thousand errors and the first thousand warnings, and the number of the others.
 #![forbid(unsafe_code)]
 
+mod actuators;
 mod assembly;
 mod assembly_report;
 mod base;
@@ -90,6 +91,7 @@ mod unlisted;
 mod urdf;
 pub mod yaml;
 
+pub use actuators::{PUBLISHED, Published};
 pub use assembly::assemble;
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use base::Base;

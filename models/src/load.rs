@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
+use crate::actuators;
 use crate::base::{self, Base};
 use crate::build::{self, Spans};
 use crate::contents::Contents;
@@ -241,6 +242,9 @@ pub(crate) fn describe(
         .as_ref()
         .and_then(|text| yaml::parse(text, yaml::SUBMECHANISMS, diagnostics));
     let entries = root.as_ref().map(|root| submechanisms::walk(root, diagnostics));
+    if let (Some(urdf), Some(root)) = (&mut urdf, &root) {
+        actuators::read(root, urdf, diagnostics);
+    }
     if let (Some(urdf), Some(entries), Some(folder)) = (&mut urdf, &entries, &contents.folder) {
         transmissions(urdf, entries, folder, diagnostics);
     }

@@ -152,12 +152,77 @@ wire_enum! {
         DgBiasDyd = 62, "dg_bias_dyd";
         /// ∂(J ẏ)/∂y of each wanted frame at fixed ẏ (6 n_frames × n_vy).
         DjacobianDy = 63, "djacobian_dy";
+        /// Directions of ẏ of the wanted supports (n_directions × n_vy).
+        Directions = 64, "directions";
+        /// Stiffness and damping of a law τ_u = K (u* − u) − D u̇ of each actuator (n_u × 2).
+        GainsU = 65, "gains_u";
+        /// Vertices of the set of forces G_uᵀ τ_u that the actuators can give, over the wanted
+        /// independents with the others free; with two of them in their order around it
+        /// ([`most_vertices`] × n_vy).
+        TorqueVertices = 66, "torque_vertices";
+        /// The largest dᵀ G_uᵀ τ_u of each given direction d (n_directions).
+        TorqueSupport = 67, "torque_support";
+        /// As `torque_vertices`, less C_y − Gᵀ Σ Jᵀ w of the state.
+        TorqueVerticesNet = 68, "torque_vertices_net";
+        /// As `torque_support`, less dᵀ (C_y − Gᵀ Σ Jᵀ w) of the state.
+        TorqueSupportNet = 69, "torque_support_net";
+        /// Vertices of the set of velocities ẏ that the speed limits of the actuators leave, over
+        /// the wanted independents with the others free, where mechanisms have no more actuators
+        /// than freedoms ([`most_vertices`] × n_vy).
+        SpeedVertices = 70, "speed_vertices";
+        /// Inertia of the rotors, G_uᵀ J G_u (n_vy × n_vy).
+        ReflectedInertia = 71, "reflected_inertia";
+        /// Damping of the actuators, G_uᵀ D G_u (n_vy × n_vy).
+        ReflectedDamping = 72, "reflected_damping";
+        /// Velocity terms of the rotors, G_uᵀ J g_u (n_vy).
+        ReflectedForce = 73, "reflected_force";
+        /// The law of `gains_u` along the independents at forces τ_u of the state: τ_y changes by
+        /// −K_y δy − D_y δẏ. K_y = G_uᵀ K G_u − Σ τ_u ∂²u (n_vy columns), D_y = G_uᵀ D G_u (n_vy
+        /// columns) and the force G_uᵀ τ_u (n_vy × (2 n_vy + 1)).
+        GainsY = 74, "gains_y";
+        /// The largest s such that the actuators of the wanted independents can give s τ_y (1).
+        Margin = 75, "margin";
+        /// s τ_y with s ≤ 1 and ≤ `margin` (n_vy).
+        Clip = 76, "clip";
+        /// G_uᵀ τ_u of the forces τ_u within the limits with the least Σ ((τ_u − τ_u*) / τ_max)²
+        /// from those of τ_y (n_vy).
+        ClipNearest = 77, "clip_nearest";
+        /// 1 for the actuators at their limits at `margin` times τ_y, else 0 (n_u).
+        Binding = 78, "binding";
+        /// Time since the state of the given `observer` `[s]` (1).
+        Dt = 79, "dt";
+        /// Bandwidth of the observer `[1/s]` (1).
+        Gain = 80, "gain";
+        /// State of the momentum observer, a row of each independent: external force, momentum,
+        /// and the rate of the momentum without external forces (n_vy × 3).
+        Observer = 81, "observer";
+        /// Forces along the independents that none of the given ones explains (n_vy).
+        TauExternal = 82, "tau_external";
     }
+}
+
+/// Most coordinates of a set of vertices.
+pub const MOST_VERTEX_COORDINATES: usize = 4;
+/// Most vertices of an answer.
+pub const MOST_VERTICES: usize = 512;
+
+/// Rows for the vertices of a sum of m segments in p dimensions, 2 Σ_{k<p} C(m − 1, k), at most
+/// [`MOST_VERTICES`].
+pub const fn most_vertices(m: usize, p: usize) -> usize {
+    let mut sum = 0;
+    let mut choices = 1;
+    let mut k = 0;
+    while k < p && sum < MOST_VERTICES {
+        sum += 2 * choices;
+        choices = choices * m.saturating_sub(k + 1) / (k + 1);
+        k += 1;
+    }
+    if sum < MOST_VERTICES { sum } else { MOST_VERTICES }
 }
 
 impl Field {
     /// (rows, columns) on a model of the given sizes; a vector has one column, matrices are packed
-    /// row by row.
+    /// row by row. [`Field::has_direction_rows`] has those of one direction.
     pub const fn shape(self, s: &Sizes, n_frames: usize, n_wrenches: usize) -> (usize, usize) {
         self.shape_of_rows(s, s, n_frames, n_wrenches)
     }
@@ -188,6 +253,9 @@ impl Field {
             MY | DtauYDy | DtauYDyd | DyddDy | DyddDyd | DtauUnactuatedDy | DtauUnactuatedDyd => {
                 (p.n_vy, s.n_vy)
             }
+            Dt | Gain => (1, 1),
+            Observer => (s.n_vy, 3),
+            TauExternal => (p.n_vy, 1),
             Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => (1, 1),
             GoodIndependents => (s.n_v, 1),
             Uncontrolled => (s.n_vy, 1),
@@ -198,6 +266,17 @@ impl Field {
             JacobianIndependent | DjacobianDy => (6 * n_frames, s.n_vy),
             JacobianActuator => (6 * n_frames, s.n_u),
             Branch => (s.n_branches, 1),
+            Directions => (1, s.n_vy),
+            GainsU => (s.n_u, 2),
+            TorqueVertices | TorqueVerticesNet | SpeedVertices => {
+                (most_vertices(s.n_u, p.n_vy), p.n_vy)
+            }
+            TorqueSupport | TorqueSupportNet => (1, 1),
+            ReflectedInertia | ReflectedDamping => (p.n_vy, s.n_vy),
+            ReflectedForce | Clip | ClipNearest => (p.n_vy, 1),
+            GainsY => (p.n_vy, 2 * s.n_vy + 1),
+            Margin => (1, 1),
+            Binding => (s.n_u, 1),
             Com | ComBias => (3, 1),
             ComJacobian => (3, s.n_vy),
             Momentum => (6, 1),
@@ -206,8 +285,26 @@ impl Field {
         }
     }
 
-    /// True for fields with a row for each joint that [`crate::Query::joints`] picks.
+    /// True for fields with these rows for each direction of [`crate::Query::n_directions`].
+    pub const fn has_direction_rows(self) -> bool {
+        matches!(self, Field::Directions | Field::TorqueSupport | Field::TorqueSupportNet)
+    }
+
+    /// True for sets of vertices, each a row.
+    pub const fn has_vertex_rows(self) -> bool {
+        matches!(self, Field::TorqueVertices | Field::TorqueVerticesNet | Field::SpeedVertices)
+    }
+
+    /// True for fields of actuators, which are NaN where an actuator has no limit.
+    pub const fn is_of_motors(self) -> bool {
+        self as u8 >= Field::TorqueVertices as u8 && self as u8 <= Field::Binding as u8
+    }
+
+    /// True for fields that depend on the joints that [`crate::Query::joints`] picks.
     pub fn has_joint_rows(self) -> bool {
+        if matches!(self, Field::Margin | Field::Binding) {
+            return true;
+        }
         let none = Sizes::default();
         let one = Sizes { n_q: 1, n_v: 1, n_qy: 1, n_vy: 1, n_u: 1, ..none };
         self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0

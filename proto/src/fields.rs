@@ -104,6 +104,29 @@ fields! {
     DqddDy "n_v × n_vy" "mixed" "∂q̈/∂y at fixed ẏ and ÿ";
     DgBiasDyd "n_v × n_vy" "mixed" "∂g/∂ẏ, which is ∂q̈/∂ẏ at fixed ÿ";
     DjacobianDy "6 n_frames × n_vy" "mixed" "∂(J ẏ)/∂y of each frame at fixed ẏ";
+    Directions "n_directions × n_vy" "mixed" "directions d of the wanted supports";
+    GainsU "n_u × 2" "mixed" "stiffness and damping of each actuator, τ_u = K (u* − u) − D u̇";
+    TorqueVertices "n_vertices × n_vy" "N, N m"
+        "vertices of the set of τ_y = G_uᵀ τ_u within the actuators' limits; missing rows are NaN";
+    TorqueSupport "n_directions" "mixed" "largest dᵀ G_uᵀ τ_u within the actuators' limits";
+    TorqueVerticesNet "n_vertices × n_vy" "N, N m" "`torque_vertices` − C_y + Gᵀ Σ Jᵀ w";
+    TorqueSupportNet "n_directions" "mixed" "`torque_support` − dᵀ (C_y − Gᵀ Σ Jᵀ w)";
+    SpeedVertices "n_vertices × n_vy" "m/s, rad/s"
+        "vertices of the set of ẏ within the actuators' speed limits; missing rows are NaN";
+    ReflectedInertia "n_vy × n_vy" "mixed" "inertia of the rotors, G_uᵀ J G_u";
+    ReflectedDamping "n_vy × n_vy" "mixed" "damping of the actuators, G_uᵀ D G_u";
+    ReflectedForce "n_vy" "N, N m" "velocity terms of the rotors, G_uᵀ J g_u";
+    GainsY "n_vy × (2 n_vy + 1)" "mixed"
+        "`gains_u` along y at τ_u: K_y = G_uᵀ K G_u − Σ τ_u ∂²u, D_y = G_uᵀ D G_u, force G_uᵀ τ_u";
+    Margin "1" "-" "largest s such that the actuators can give s τ_y";
+    Clip "n_vy" "N, N m" "s τ_y with s ≤ 1 and s ≤ `margin`";
+    ClipNearest "n_vy" "N, N m" "G_uᵀ τ_u of the τ_u within the limits nearest to that of τ_y";
+    Binding "n_u" "-" "1 for the actuators at their limits at `margin` times τ_y, else 0";
+    Dt "1" "s" "time since the state of `observer`";
+    Gain "1" "1/s" "bandwidth of the observer";
+    Observer "n_vy × 3" "mixed"
+        "state of the momentum observer: external force, momentum, its rate without that force";
+    TauExternal "n_vy" "N m, N" "forces along the independents that no given one explains";
 }
 
 #[cfg(test)]
@@ -117,6 +140,11 @@ mod tests {
         let n_frames = 19;
         let n_wrenches = 23;
         let size = |word: &str| match word {
+            // of one direction
+            "n_directions" => 1,
+            "n_vertices" => crate::most_vertices(sizes.n_u, sizes.n_vy),
+            "(2" => 2,
+            "+" | "1)" => 1,
             "n_q" => sizes.n_q,
             "n_v" => sizes.n_v,
             "n_qy" => sizes.n_qy,

@@ -108,6 +108,8 @@ impl Layout {
             .map(|(k, field)| {
                 index[field as usize] = k as u8;
                 let (rows, columns) = field.shape_of_rows(sizes, picked, n_frames, n_wrenches);
+                let each = if field.has_direction_rows() { query.n_directions as usize } else { 1 };
+                let rows = rows * each;
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

@@ -1,18 +1,20 @@
 use core::fmt;
 
 use crate::wire_enum::wire_enum;
-use crate::{Field, FieldSet, ModelInfo};
+use crate::{Field, FieldSet, MOST_VERTEX_COORDINATES, ModelInfo, Rows};
 
 /// Most frames of one plan.
 pub const MAX_FRAMES: usize = 32;
 /// Most links with wrenches of one plan.
 pub const MAX_WRENCHES: usize = 16;
+/// Most directions of supports of one plan.
+pub const MAX_DIRECTIONS: usize = 64;
 /// Most runs of neighbouring joints of one plan.
 pub const MAX_JOINT_RUNS: usize = 31;
 /// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Words of a query that have no meaning yet.
-const RESERVED: usize = 15;
+const RESERVED: usize = 14;
 
 wire_enum! {
     /// The kinds of request.
@@ -25,8 +27,14 @@ wire_enum! {
         ForwardDynamics = 3, "forward-dynamics";
         /// Positions, velocities, accelerations and forces from one space to another.
         Map = 4, "map";
+        /// Motion and forces of the actuators to the forces from outside.
+        Observe = 5, "observe";
     }
 }
+
+/// Fields that read the forces of the actuators or of the independents.
+pub const OF_ACTUATOR_FORCES: [Field; 5] =
+    [Field::GainsY, Field::Margin, Field::Clip, Field::ClipNearest, Field::Binding];
 
 impl Request {
     /// The wanted fields of a request that names none.
@@ -37,20 +45,23 @@ impl Request {
             }
             Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
             Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
+            Request::Observe => FieldSet::of(&[Field::TauExternal, Field::Observer]),
         }
     }
 
     /// The fields that a request of this kind can give.
     const fn inputs(self) -> FieldSet {
         use Field::*;
-        const MOTION: FieldSet =
-            FieldSet::of(&[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd, QGuess, QdGuess]);
-        const VELOCITY: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
+        const MOTION: FieldSet = VELOCITY.with(Ydd).with(Qdd).with(Udd);
+        const VELOCITY: FieldSet = STATE.with(Directions).with(GainsU);
+        const STATE: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
+        const OBSERVED: FieldSet = FieldSet::of(&[Wrenches, TauQ, TauY, TauU, Dt, Gain, Observer]);
         match self {
             Request::Kinematics => MOTION,
             Request::InverseDynamics => MOTION.with(Wrenches),
             Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
             Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
+            Request::Observe => FieldSet(STATE.0 | OBSERVED.0),
         }
     }
 
@@ -58,10 +69,19 @@ impl Request {
     const fn outputs(self) -> FieldSet {
         use Field::*;
         // every field except given-only ones, and the forces and masses of some requests
-        const ANSWERS: FieldSet =
-            FieldSet::of(Field::ALL).without(FieldSet::of(&[QGuess, QdGuess, Wrenches]));
+        const ANSWERS: FieldSet = FieldSet::of(Field::ALL)
+            .without(FieldSet::of(&[QGuess, QdGuess, Wrenches, Directions, GainsU]))
+            .without(FieldSet::of(&[Dt, Gain, Observer, TauExternal]));
         const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
-        const MASSES: FieldSet = FieldSet::of(&[Lambda, LambdaDeterminate, MY, CY, CondMy]);
+        const MASSES: FieldSet = FieldSet::of(&[
+            Lambda,
+            LambdaDeterminate,
+            MY,
+            CY,
+            CondMy,
+            TorqueVerticesNet,
+            TorqueSupportNet,
+        ]);
         const OF_FORCES: FieldSet = FieldSet::of(&[
             DtauYDy,
             DtauYDyd,
@@ -71,13 +91,23 @@ impl Request {
             DtauUnactuatedDyd,
         ]);
         const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU]);
+        const LIMITED: FieldSet = FieldSet::of(&OF_ACTUATOR_FORCES);
         const INVERSE: FieldSet = ANSWERS.without(OF_ACCELERATIONS);
-        const STATE: FieldSet = INVERSE.without(FORCES).without(MASSES).without(OF_FORCES);
+        const STATE: FieldSet =
+            INVERSE.without(FORCES).without(MASSES).without(OF_FORCES).without(LIMITED);
         match self {
-            Request::Kinematics => STATE,
+            Request::Kinematics => STATE.with(GainsY),
             Request::InverseDynamics => INVERSE,
-            Request::ForwardDynamics => ANSWERS.without(FORCES).without(OF_FORCES).with(TauY),
-            Request::Map => STATE.with(TauY).with(TauU).with(TauUnactuated),
+            Request::ForwardDynamics => {
+                ANSWERS.without(FORCES).without(OF_FORCES).without(LIMITED).with(TauY)
+            }
+            Request::Map => FieldSet(STATE.with(TauY).with(TauU).with(TauUnactuated).0 | LIMITED.0),
+            Request::Observe => FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, TauExternal, Observer])
+                .with(Residual)
+                .with(Iterations)
+                .with(SigmaMin)
+                .with(NearestY)
+                .with(Limits),
         }
     }
 }
@@ -112,12 +142,23 @@ impl QueryOptions {
     /// the work of a request is bounded.
     pub const SEARCH: QueryOptions = QueryOptions(4);
 
-    const KNOWN: QueryOptions =
-        QueryOptions::CHECKSUM.with(QueryOptions::TIMES).with(QueryOptions::SEARCH);
+    /// Forces count the friction of joints.
+    pub const FRICTION: QueryOptions = QueryOptions(8);
+
+    const KNOWN: QueryOptions = QueryOptions::CHECKSUM
+        .with(QueryOptions::TIMES)
+        .with(QueryOptions::SEARCH)
+        .with(QueryOptions::FRICTION);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: QueryOptions) -> bool {
         self.0 & other.0 == other.0
+    }
+
+    /// The bits that change the numbers of an answer.
+    #[must_use]
+    pub const fn of_numbers(self) -> QueryOptions {
+        QueryOptions(self.0 & QueryOptions::FRICTION.0)
     }
 
     /// The union.
@@ -196,6 +237,8 @@ pub struct Query {
     /// One more than the index of the link that takes the root's place for frames: poses are in its
     /// frame, motions are those that it sees, and Jacobians theirs; 0 for the root.
     pub relative_to: u32,
+    /// Number of given directions of supports.
+    pub n_directions: u64,
     /// Zeros: room for numbers of rows, links and parameters of later requests. A server refuses
     /// those that it does not know.
     pub reserved: [u64; RESERVED],
@@ -238,7 +281,7 @@ impl fmt::Display for QueryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             QueryError::UnknownRequest(code) => {
-                write!(f, "request number {code} is unknown; this version knows 1 to 4")
+                write!(f, "request number {code} is unknown; this version knows 1 to 5")
             }
             QueryError::UnknownField => {
                 write!(f, "a field number is unknown to sarrus {VERSION}; client and server differ")
@@ -290,6 +333,7 @@ impl Query {
             joints: [[0; 2]; MAX_JOINT_RUNS],
             axes: Axes::Mixed as u32,
             relative_to: 0,
+            n_directions: 0,
             reserved: [0; RESERVED],
         }
     }
@@ -330,6 +374,15 @@ impl Query {
         self.n_wrenches = links.len().min(u16::MAX as usize) as u16;
         self.wrench_links.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
         self.given = self.given.with(Field::Wrenches);
+        self
+    }
+
+    /// Sets the number of directions whose supports are wanted; adds [`Field::Directions`] to the
+    /// given fields.
+    #[must_use]
+    pub const fn with_directions(mut self, count: usize) -> Query {
+        self.n_directions = count as u64;
+        self.given = self.given.with(Field::Directions);
         self
     }
 
@@ -398,6 +451,7 @@ impl Query {
         self.check_joints(model)?;
         self.check_given(request)?;
         self.check_want(request)?;
+        self.check_motors(model)?;
         Ok(request)
     }
 
@@ -467,8 +521,15 @@ impl Query {
         if !self.given.has_any(&[Y, Q, U]) {
             return Err(QueryError::Missing("where the robot is: give y, q or u"));
         }
-        if request == Request::ForwardDynamics && !self.given.has_any(&[TauQ, TauY, TauU]) {
+        let needs_forces = matches!(request, Request::ForwardDynamics | Request::Observe);
+        if needs_forces && !self.given.has_any(&[TauQ, TauY, TauU]) {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        if request == Request::Observe && !self.given.has_any(&[Yd, Qd, Ud]) {
+            return Err(QueryError::Missing("how the robot moves: give yd, qd or ud"));
+        }
+        if request == Request::Observe && !(self.given.has(Dt) && self.given.has(Gain)) {
+            return Err(QueryError::Missing("the time step and the bandwidth: give dt and gain"));
         }
         Ok(())
     }
@@ -482,9 +543,31 @@ impl Query {
         let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
         if request == Request::Map
             && !forces_given
-            && self.want.has_any(&[TauY, TauU, TauUnactuated])
+            && (self.want.has_any(&[TauY, TauU, TauUnactuated])
+                || self.want.has_any(&OF_ACTUATOR_FORCES))
         {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        Ok(())
+    }
+
+    fn check_motors(&self, model: &ModelInfo) -> Result<(), QueryError> {
+        use Field::*;
+        if self.n_directions > MAX_DIRECTIONS as u64 {
+            return Err(QueryError::TooMany { what: "directions", limit: MAX_DIRECTIONS });
+        }
+        let has_directions = self.n_directions > 0;
+        let reads_directions = self.want.has_any(&[TorqueSupport, TorqueSupportNet]);
+        if has_directions != self.given.has(Directions) || reads_directions && !has_directions {
+            return Err(QueryError::Missing("along what: give directions"));
+        }
+        if self.want.has(GainsY) && !self.given.has(GainsU) {
+            return Err(QueryError::Missing("the gains: give gains_u"));
+        }
+        let mut sets = self.want.iter().filter(|field| field.has_vertex_rows());
+        if sets.next().is_some() && Rows::of(self, model).vy.len() > MOST_VERTEX_COORDINATES {
+            let what = "coordinates of vertices; pick joints";
+            return Err(QueryError::TooMany { what, limit: MOST_VERTEX_COORDINATES });
         }
         Ok(())
     }

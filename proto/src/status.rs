@@ -86,6 +86,8 @@ impl Warnings {
     /// The given q or q̇ does not fit its loops: the answer's state is farther from it than the
     /// query's tolerance ([`crate::Field::Projection`]).
     pub const INPUT_PROJECTED: Warnings = Warnings(8);
+    /// An actuator that a wanted field depends on has no limit, and the field is NaN.
+    pub const NO_LIMIT: Warnings = Warnings(16);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: Warnings) -> bool {
@@ -99,6 +101,7 @@ impl Warnings {
             (Self::ILL_CONDITIONED, "ill_conditioned"),
             (Self::LOOP_OPEN, "loop_open"),
             (Self::INPUT_PROJECTED, "input_projected"),
+            (Self::NO_LIMIT, "no_limit"),
         ];
         names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
     }

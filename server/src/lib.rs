@@ -111,6 +111,14 @@ enum Command {
     /// and a page that cannot be written.
     #[cfg(feature = "show")]
     Show(commands::show::Show),
+    /// Map force, speed, rotor inertia and reach that the motors have at the joints.
+    ///
+    /// Without `--joints` each submechanism has a map by itself, over the limits of its independent
+    /// joints, with the others at zero or where `--at` puts them. Motors without a limit are named
+    /// on stderr, and their numbers are null. Ends with 0, with 1 for a bad robot, with 2 for wrong
+    /// flags, more than a million points and a file that cannot be written.
+    #[cfg(feature = "show")]
+    Capability(commands::capability::Capability),
     /// Integrate a robot in time: a table, a page, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
@@ -158,6 +166,8 @@ pub fn run() -> ExitCode {
         Command::Compare(command) => conclude("compare", command.run()),
         #[cfg(feature = "show")]
         Command::Show(command) => conclude("show", command.run()),
+        #[cfg(feature = "show")]
+        Command::Capability(command) => conclude("capability", command.run()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
     }

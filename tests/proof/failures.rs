@@ -26,8 +26,10 @@ fn assert_honest<T: PlanScalar>(plan: &Plan, status: Status, output: &[T]) {
             slot.field
         );
         if status == Status::Ok {
+            // without a limit, a force or another vertex there is no number
+            let may_miss = |x: f64| slot.field.is_of_motors() && x.is_nan();
             assert!(
-                numbers.iter().all(|x| x.to_f64().is_finite()),
+                numbers.iter().map(|x| x.to_f64()).all(|x| x.is_finite() || may_miss(x)),
                 "ok with {numbers:?} in {:?} of {query:?}",
                 slot.field
             );

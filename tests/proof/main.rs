@@ -9,6 +9,7 @@
     reason = "a test that fails panics"
 )]
 
+mod actuators;
 mod agreement;
 mod allocation;
 mod assembly;
@@ -34,6 +35,8 @@ mod implicit;
 mod laws;
 mod layers;
 mod links;
+mod motors;
+mod observer;
 mod pairs;
 mod parts;
 mod published;

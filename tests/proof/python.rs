@@ -146,7 +146,8 @@ fn a_connected_robot_answers_as_one_in_process_and_outlives_its_server() {
 
 #[test]
 fn programs_on_the_page_of_the_package_run() {
-    let page = std::fs::read_to_string(package("README.md")).unwrap();
+    let pages = ["README.md", "policy.md"].map(|page| std::fs::read_to_string(package(page)));
+    let page = pages.map(Result::unwrap).concat();
     let blocks = page.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next());
     let _server = examples::Server::start("python-page");
     // a user's own robot

@@ -31,9 +31,10 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, joints),
         offset_of!(Query, axes),
         offset_of!(Query, relative_to),
+        offset_of!(Query, n_directions),
         offset_of!(Query, reserved),
     ];
-    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304]);
+    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304, 312]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (16, 4, 4, 1)
@@ -42,7 +43,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 64] = [
+    const NAMES: [&str; 83] = [
         "y",
         "yd",
         "ydd",
@@ -107,6 +108,25 @@ fn fields_keep_their_numbers_and_names() {
         "dqdd_dy",
         "dg_bias_dyd",
         "djacobian_dy",
+        "directions",
+        "gains_u",
+        "torque_vertices",
+        "torque_support",
+        "torque_vertices_net",
+        "torque_support_net",
+        "speed_vertices",
+        "reflected_inertia",
+        "reflected_damping",
+        "reflected_force",
+        "gains_y",
+        "margin",
+        "clip",
+        "clip_nearest",
+        "binding",
+        "dt",
+        "gain",
+        "observer",
+        "tau_external",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -142,11 +162,11 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
     }
-    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map"];
+    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map", "observe"];
     for (code, name) in (1..).zip(requests) {
         assert_eq!(Request::from_code(code).map(Request::name), Some(name));
     }
-    assert_eq!((Request::from_code(0), Request::from_code(5)), (None, None));
+    assert_eq!((Request::from_code(0), Request::from_code(6)), (None, None));
 }
 
 #[test]

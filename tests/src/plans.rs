@@ -74,6 +74,11 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
         Request::Map => {
             motions.into_iter().chain([vec![Y, TauU], vec![Y, TauY], vec![Y, TauQ]]).collect()
         }
+        Request::Observe => vec![
+            vec![Y, Yd, TauU, Dt, Gain],
+            vec![Q, Qd, TauY, Wrenches, Dt, Gain, Observer],
+            vec![Y, Yd, QGuess, TauU, Dt, Gain, Observer],
+        ],
         _ => motions.to_vec(),
     }
 }
@@ -95,7 +100,8 @@ pub fn input<T: PlanScalar>(
         match slot.field {
             QGuess => to.copy_from_slice(known.get(Q)),
             QdGuess => to.copy_from_slice(known.get(Qd)),
-            TauQ | TauY | TauU | Wrenches => {
+            Dt | Gain => to.fill_with(|| T::from_f64(seeded.within(0.0, 1.0))),
+            TauQ | TauY | TauU | Wrenches | Observer => {
                 to.fill_with(|| T::from_f64(seeded.within(-1.0, 1.0) * case.scale.powi(4) * 100.0))
             }
             field => to.copy_from_slice(known.get(field)),

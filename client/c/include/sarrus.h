@@ -249,6 +249,10 @@ enum sarrus_warning
      * The given q or qd does not fit its loops by more than the tolerance.
      */
     SARRUS_WARNING_INPUT_PROJECTED = 8,
+    /**
+     * An actuator that a wanted field depends on has no limit, and the field is NaN.
+     */
+    SARRUS_WARNING_NO_LIMIT = 16,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -389,6 +393,10 @@ enum sarrus_request
      * Positions, velocities, accelerations and forces from one space to another.
      */
     SARRUS_REQUEST_MAP = 4,
+    /**
+     * Motion and forces of the actuators to the forces from outside.
+     */
+    SARRUS_REQUEST_OBSERVE = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -448,6 +456,10 @@ enum sarrus_query_option
      * request is bounded.
      */
     SARRUS_QUERY_OPTION_SEARCH = 4,
+    /**
+     * Forces count the friction of joints.
+     */
+    SARRUS_QUERY_OPTION_FRICTION = 8,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -1002,9 +1014,9 @@ typedef struct sarrus_query {
      */
     uint32_t axes;
     /**
-     * Zero.
+     * Number of given directions of supports; adds "directions" to the given fields.
      */
-    uint32_t padding;
+    uint32_t n_directions;
     /**
      * Zeros, for members of later versions; other values are refused.
      */

@@ -88,6 +88,8 @@ struct query {
     sarrus_axes axes = SARRUS_AXES_MIXED;
     /* The link that takes the root's place for frames; nullptr for the root. */
     const char *relative_to = nullptr;
+    /* Number of given directions of supports; adds "directions" to the given fields. */
+    std::uint32_t n_directions = 0;
 };
 
 /* How a robot is loaded. */
@@ -242,6 +244,7 @@ class robot {
             query.projection_tolerance ? &*query.projection_tolerance : nullptr;
         plain.axes = query.axes;
         plain.relative_to = query.relative_to;
+        plain.n_directions = query.n_directions;
         sarrus_plan *made = nullptr;
         const sarrus_status status = sarrus_robot_prepare(handle_.get(), &plain, &made);
         return {status, plan(made)};

@@ -25,6 +25,8 @@ pub enum Request {
     ForwardDynamics = 3,
     /// Positions, velocities, accelerations and forces from one space to another.
     Map = 4,
+    /// Motion and forces of the actuators to the forces from outside.
+    Observe = 5,
 }
 
 /// Axes and reference point of the twists, accelerations and Jacobians of frames.
@@ -50,6 +52,8 @@ pub enum QueryOption {
     /// Loops are followed, and nearest_y is sought, as long as it takes; without it the work of a
     /// request is bounded.
     Search = 4,
+    /// Forces count the friction of joints.
+    Friction = 8,
 }
 
 /// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set the members needed.
@@ -91,8 +95,8 @@ pub struct Query {
     pub relative_to: *const c_char,
     /// A sarrus_axes: axes and reference point of twists, accelerations and Jacobians of frames.
     pub axes: u32,
-    /// Zero.
-    pub padding: u32,
+    /// Number of given directions of supports; adds "directions" to the given fields.
+    pub n_directions: u32,
     /// Zeros, for members of later versions; other values are refused.
     pub reserved: [u64; 6],
 }
@@ -164,14 +168,16 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         }
         names!(given: n_given, want: n_want, frames: n_frames);
         names!(wrenches: n_wrenches, joints: n_joints);
-        let padding = u64::from(query.padding);
-        if let Some(word) = query.reserved.iter().chain([&padding]).find(|word| **word != 0) {
+        if let Some(word) = query.reserved.iter().find(|word| **word != 0) {
             return Err(Failure::Number("reserved", *word as u32));
         }
         let options = query_options(query.options)?;
         let axes = sarrus_client::Axes::from_code(query.axes)
             .ok_or(Failure::Number("axes", query.axes))?;
         builder = builder.axes(axes);
+        if query.n_directions > 0 {
+            builder = builder.directions(query.n_directions as usize);
+        }
         if !query.relative_to.is_null() {
             // SAFETY: the header states the requirements on the texts.
             let link = unsafe { texts("relative_to", &query.relative_to, 1)? };
@@ -182,6 +188,9 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         }
         if options.contains(sarrus_client::QueryOptions::TIMES) {
             builder = builder.times();
+        }
+        if options.contains(sarrus_client::QueryOptions::FRICTION) {
+            builder = builder.friction();
         }
         if options.contains(sarrus_client::QueryOptions::SEARCH) {
             builder = builder.search();

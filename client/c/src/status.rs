@@ -101,6 +101,8 @@ pub enum Warning {
     LoopOpen = 4,
     /// The given q or qd does not fit its loops by more than the tolerance.
     InputProjected = 8,
+    /// An actuator that a wanted field depends on has no limit, and the field is NaN.
+    NoLimit = 16,
 }
 
 /// All statuses with their names, which are those of the wire for the status of an answer.
@@ -175,11 +177,12 @@ impl StatusCode {
     }
 }
 
-const WARNINGS: [(Warning, &CStr); 4] = [
+const WARNINGS: [(Warning, &CStr); 5] = [
     (Warning::LimitsExceeded, c"limits_exceeded"),
     (Warning::IllConditioned, c"ill_conditioned"),
     (Warning::LoopOpen, c"loop_open"),
     (Warning::InputProjected, c"input_projected"),
+    (Warning::NoLimit, c"no_limit"),
 ];
 
 /// The name of a status by its number, if it is one.

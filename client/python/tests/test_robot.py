@@ -87,6 +87,71 @@ class Answers(unittest.TestCase):
         mass_matrix = robot.query("inverse-dynamics", ["y"], ["M_y"])(y=y).M_y
         self.assertAlmostEqual(sums.energy[0], yd @ mass_matrix @ yd / 2, 12)
 
+    def test_what_the_motors_allow_fits_the_map(self):
+        robot = sarrus.Robot.bundled("ankle")
+        want = ["torque_vertices", "torque_support", "G_u"]
+        query = robot.query("kinematics", ["y"], want, directions=3)
+        d = np.array([[1.0, 0.0], [0.0, -1.0], [0.5, 0.5]])
+        x = query(y=[0.1, 0.05], directions=d)
+        self.assertEqual(x.torque_vertices.shape, (4, 2))
+        np.testing.assert_allclose((x.torque_vertices @ d.T).max(0), x.torque_support, rtol=1e-12)
+        rows = query(y=np.full((2, 2), 0.1), directions=np.stack([d, d]))
+        self.assertEqual(rows.torque_support.shape, (2, 3))
+        gains = robot.query("map", ["y", "tau_y", "gains_u"], ["gains_y", "margin", "binding"])
+        x = gains(y=[0.1, 0.05], tau_y=[1.0, 0.0], gains_u=[[100.0, 5.0], [100.0, 5.0]])
+        self.assertEqual((x.gains_y.shape, x.binding.sum()), ((2, 5), 1.0))
+        self.assertGreater(x.margin, 0.0)
+
+    def test_an_observer_finds_a_force_that_nothing_explains(self):
+        robot = sarrus.Robot.bundled("ankle")
+        given = ["y", "yd", "tau_y", "dt", "gain", "observer"]
+        step = robot.query("observe", given)
+        y, yd = np.array([0.1, 0.05]), np.zeros(2)
+        tau_y = robot.bias_force(y) - [1.0, -2.0]
+        observer = np.zeros(step.given["observer"])
+        for dt in [0.0] + [0.1] * 20:
+            x = step(y=y, yd=yd, tau_y=tau_y, dt=dt, gain=20.0, observer=observer)
+            observer = x.observer
+        self.assertEqual(observer.shape, (2, 3))
+        np.testing.assert_allclose(x.tau_external, [1.0, -2.0], atol=1e-12)
+        rows = step(
+            y=np.stack([y, y]), yd=np.zeros((2, 2)), tau_y=np.stack([tau_y, tau_y]),
+            dt=[0.1, 0.1], gain=[20.0, 20.0], observer=np.stack([observer, observer]),
+        )  # fmt: skip
+        np.testing.assert_array_equal(rows.observer[0], rows.observer[1])
+
+    def test_a_map_of_what_the_motors_allow_is_arrays_and_a_page(self):
+        robot = sarrus.Robot.bundled("ankle")
+        with tempfile.TemporaryDirectory() as folder:
+            page = Path(folder) / "map.html"
+            (ankle,) = sarrus.capability(robot, grid=5, page=page)
+            self.assertIn("torque_vertices", page.read_text(encoding="utf-8"))
+            ankle.save(Path(folder) / "map.npz")
+            kept = np.load(Path(folder) / "map.npz")
+            np.testing.assert_array_equal(kept["torque_max"], ankle.torque_max)
+            ankle.save(Path(folder) / "map.csv")
+            table = np.genfromtxt(Path(folder) / "map.csv", delimiter=",", names=True)
+            self.assertEqual(len(table), 25)
+        self.assertEqual(ankle.reflected_inertia.shape, (25, 2, 2))
+        self.assertTrue(np.isnan(ankle.sigma_min[~ankle.reachable]).all())
+        with self.assertRaisesRegex(ValueError, "points, expected at most"):
+            sarrus.capability(robot, grid=1001)
+
+    def test_friction_counts_where_it_is_asked(self):
+        text = """<robot name="arm"><link name="base"/><link name="bob"><inertial>
+            <origin xyz="0 0 -0.5"/><mass value="2"/>
+            <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+            <joint name="pivot" type="continuous"><parent link="base"/><child link="bob"/>
+            <axis xyz="0 1 0"/><dynamics damping="0" friction="0.5"/></joint></robot>"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arm.urdf"
+            path.write_text(text, encoding="utf-8")
+            robot = sarrus.Robot(path)
+        given = {"y": [0.2], "yd": [0.01]}
+        plain = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"])(**given)
+        rough = robot.query("inverse-dynamics", ["y", "yd"], ["tau_u"], friction=True)(**given)
+        np.testing.assert_allclose(rough.tau_u - plain.tau_u, [0.5 * np.tanh(1.0)], rtol=1e-12)
+
     def test_frames_are_seen_in_other_axes_and_from_a_link(self):
         robot = sarrus.Robot.bundled("rh5v2_upper_body")
         random = np.random.default_rng(4)

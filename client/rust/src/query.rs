@@ -120,6 +120,13 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
+    /// The number of directions whose supports are wanted, at most 64; adds `directions` to the
+    /// given fields.
+    pub fn directions(mut self, count: usize) -> Self {
+        self.query = self.query.with_directions(count);
+        self
+    }
+
     /// Axes and reference point of twists, accelerations and Jacobians of frames; root axes at the
     /// frame's origin by default.
     pub fn axes(mut self, axes: Axes) -> Self {
@@ -191,6 +198,12 @@ impl<'a> QueryBuilder<'a> {
     /// work of a request is bounded, and a state that needs more is `not_converged`.
     pub fn search(mut self) -> Self {
         self.query = self.query.with_options(QueryOptions::SEARCH);
+        self
+    }
+
+    /// Forces count the friction of joints, as the model has it.
+    pub fn friction(mut self) -> Self {
+        self.query = self.query.with_options(QueryOptions::FRICTION);
         self
     }
 

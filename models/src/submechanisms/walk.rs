@@ -45,7 +45,7 @@ pub(crate) struct LoopEntry {
 }
 
 const OF_ENTRY: &str = "the submechanism";
-const TOP: &[&str] = &["submechanisms", "exoskeletons"];
+const TOP: &[&str] = &["submechanisms", "actuators", "exoskeletons"];
 const ENTRY: &[&str] = &[
     "type",
     "contextual_name",

@@ -107,6 +107,7 @@ pub(super) fn expand(
                 masters: Vec::new(),
                 independent: joint.independent,
                 terms: if compound == Compound::Planar { Terms::default() } else { joint.terms },
+                motor: None,
             });
             parent = child;
         }

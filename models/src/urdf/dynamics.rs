@@ -2,7 +2,7 @@
 //! a `<transmission>`.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::{JointKind, Terms};
+use sarrus_dynamics::description::{Friction, JointKind, Terms};
 
 use super::xml::{Reader, Shape};
 use crate::report::{Diagnostics, Span, quoted};
@@ -56,12 +56,14 @@ pub(super) fn read<'t>(
     let ratio = reader.number(node, "gear_ratio").unwrap_or(1.0);
     let span = reader.span(node);
     if friction > 0.0 {
-        let found = format!("the joint {} has dry friction, which is not modelled", quoted(joint));
-        let help = "add it to the forces of the actuators, or remove it";
+        let found =
+            format!("the joint {} has dry friction, which counts only on request", quoted(joint));
+        let help = "ask with \"friction\": true, or simulate with --friction";
         reader.diagnostics.warning(span, found, "`damping`", help);
     }
     check_ratio(rotor_inertia, ratio, span, reader.diagnostics);
-    let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio };
+    let friction = Friction { coulomb: friction, ..Friction::default() };
+    let terms = Terms { damping, stiffness, rest, rotor_inertia, gear_ratio: ratio, friction };
     let is_accepted = accepts(kind, joint, &terms, span, reader.diagnostics);
     if is_accepted { terms } else { Terms::default() }
 }
@@ -120,6 +122,7 @@ pub(super) fn accepts(
     diagnostics: &mut Diagnostics,
 ) -> bool {
     let is_empty = terms.damping == 0.0 && terms.stiffness == 0.0 && terms.rotor_inertia == 0.0;
+    let is_empty = is_empty && terms.friction.coulomb == 0.0;
     let help = "remove it, or change the type of the joint";
     match kind {
         _ if is_empty => true,
@@ -132,7 +135,13 @@ pub(super) fn accepts(
             false
         }
         // damping is the same in all directions; a spring has no angle to measure
-        Some(JointKind::Spherical) if terms.stiffness == 0.0 && terms.rotor_inertia == 0.0 => true,
+        Some(JointKind::Spherical)
+            if terms.stiffness == 0.0
+                && terms.rotor_inertia == 0.0
+                && terms.friction.coulomb == 0.0 =>
+        {
+            true
+        }
         Some(JointKind::Spherical) => {
             let found = format!("the ball joint {} has a spring or a rotor", quoted(joint));
             diagnostics.error(span, found, "damping, or a joint of one freedom", help);

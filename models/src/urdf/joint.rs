@@ -1,7 +1,7 @@
 //! Joints: type, links, axis, limits, couplings.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::{JointKind, Limits, Placement, Terms};
+use sarrus_dynamics::description::{JointKind, Limits, Motor, Placement, Terms};
 
 use super::compound::Compound;
 use super::dynamics;
@@ -66,6 +66,8 @@ pub(crate) struct JointEntry {
     pub(crate) limits: Option<Limits>,
     pub(crate) masters: Vec<Master>,
     pub(crate) terms: Terms,
+    /// Of a submechanism file.
+    pub(crate) motor: Option<Motor>,
     /// `independent` of URDF+, of a joint in a loop.
     pub(crate) independent: Option<bool>,
 }
@@ -114,6 +116,7 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Joint
         limits,
         masters,
         terms,
+        motor: None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Joints of several freedoms; damping, springs and rotors of joints.
 
-use sarrus_dynamics::description::{JointKind, Terms};
+use sarrus_dynamics::description::{Friction, JointKind, Terms};
 
 use super::*;
 
@@ -43,11 +43,11 @@ fn the_names_of_sdf_are_read_from_dynamics() {
 }
 
 #[test]
-fn dry_friction_is_reported_and_not_read() {
+fn dry_friction_is_read_and_the_report_names_the_request_that_counts_it() {
     let (terms, reported) = elbow(&with_dynamics("<dynamics damping=\"0\" friction=\"0.1\"/>"));
-    assert_eq!(terms, Terms::default());
-    let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which is not modelled, \
-        expected `damping`, add it to the forces of the actuators, or remove it\n";
+    assert_eq!(terms.friction, Friction { coulomb: 0.1, ..Friction::default() });
+    let expected = "robot.urdf:27:5: the joint `elbow` has dry friction, which counts only on request, \
+        expected `damping`, ask with \"friction\": true, or simulate with --friction\n";
     assert_eq!(reported, expected);
 }
 

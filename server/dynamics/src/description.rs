@@ -72,8 +72,10 @@ pub struct Joint {
     pub limits: Option<Limits>,
     /// A linear dependence on other joints (`<mimic>`, `<transmission>`).
     pub coupling: Option<Coupling>,
-    /// Spring, damper and rotor.
+    /// Spring, damper, rotor and friction.
     pub terms: Terms,
+    /// Limits of its motor beside those of effort and velocity.
+    pub motor: Option<Motor>,
 }
 
 /// Spring, damper and rotor of a joint with one degree of freedom, or the damper of a ball joint;
@@ -91,12 +93,55 @@ pub struct Terms {
     pub rotor_inertia: f64,
     /// Gear ratio N.
     pub gear_ratio: f64,
+    /// Friction, which a query counts where it asks for it.
+    pub friction: Friction,
 }
 
 impl Default for Terms {
     fn default() -> Terms {
-        Terms { damping: 0.0, stiffness: 0.0, rest: 0.0, rotor_inertia: 0.0, gear_ratio: 1.0 }
+        Terms {
+            damping: 0.0,
+            stiffness: 0.0,
+            rest: 0.0,
+            rotor_inertia: 0.0,
+            gear_ratio: 1.0,
+            friction: Friction::default(),
+        }
     }
+}
+
+/// Friction of a joint of one freedom: it exerts −F tanh(q̇ / v₀) − d q̇.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction {
+    /// Dry friction F `[N, N m]`.
+    pub coulomb: f64,
+    /// Viscous friction d `[N s/m, N m s/rad]`.
+    pub viscous: f64,
+    /// Speed v₀ `[m/s, rad/s]`.
+    pub speed: f64,
+}
+
+impl Default for Friction {
+    fn default() -> Friction {
+        Friction { coulomb: 0.0, viscous: 0.0, speed: 0.01 }
+    }
+}
+
+/// Limits of a motor at its joint, beside [`Limits::effort`] at any speed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motor {
+    /// Force that it bears for ever `[N, N m]`; infinite where nothing is known.
+    pub continuous: f64,
+    /// Largest force over speed, (speed, force) by ascending speed with straight lines between,
+    /// along the motion and against it; empty without such a limit.
+    pub driving: Vec<[f64; 2]>,
+    /// See `driving`.
+    pub braking: Vec<[f64; 2]>,
+    /// Largest mechanical power given `[W]`; infinite without a limit.
+    pub power: f64,
+    /// Part of the power that arrives at the joint when the motor drives, and at the motor when the
+    /// joint does: it divides the forces that brake.
+    pub efficiency: [f64; 2],
 }
 
 /// Motion that a joint allows.

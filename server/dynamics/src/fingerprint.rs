@@ -28,8 +28,8 @@
 use sarrus_proto::fnv1a_64;
 
 use crate::description::{
-    Coupling, Cut, Description, Inertial, Joint, JointKind, Limits, Link, Loop, Placement, Row,
-    Submechanism, SubmechanismKind, Terms,
+    Coupling, Cut, Description, Friction, Inertial, Joint, JointKind, Limits, Link, Loop, Motor,
+    Placement, Row, Submechanism, SubmechanismKind, Terms,
 };
 
 /// Version of the canonical bytes, their first byte; another encoding is another version.
@@ -130,7 +130,8 @@ impl CanonicalBytes {
     }
 
     fn joint(&mut self, joint: &Joint) {
-        let Joint { name, kind, parent, child, origin, axis, limits, coupling, terms } = joint;
+        let Joint { name, kind, parent, child, origin, axis, limits, coupling, terms, motor } =
+            joint;
         self.text(name);
         self.variant(match kind {
             JointKind::Fixed => 0,
@@ -147,6 +148,13 @@ impl CanonicalBytes {
         self.option(limits, Self::limits);
         self.option(coupling, Self::coupling);
         self.terms(terms);
+        // robots without motors keep their fingerprints
+        if let Some(Motor { continuous, driving, braking, power, efficiency }) = motor {
+            self.numbers(&[*continuous, *power]);
+            self.numbers(efficiency);
+            self.list(driving, |bytes, point| bytes.numbers(point));
+            self.list(braking, |bytes, point| bytes.numbers(point));
+        }
     }
 
     fn limits(&mut self, Limits { lower, upper, velocity, effort }: &Limits) {
@@ -162,8 +170,12 @@ impl CanonicalBytes {
     }
 
     fn terms(&mut self, terms: &Terms) {
-        let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = terms;
+        let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, friction } = terms;
         self.numbers(&[*damping, *stiffness, *rest, *rotor_inertia, *gear_ratio]);
+        let Friction { coulomb, viscous, speed } = friction;
+        if *friction != Friction::default() {
+            self.numbers(&[*coulomb, *viscous, *speed]);
+        }
     }
 
     fn submechanism(&mut self, submechanism: &Submechanism) {

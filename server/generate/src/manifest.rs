@@ -162,11 +162,10 @@ fn has_instruction(name: &str) -> bool {
     has
 }
 
-/// The query without the options that travel beside the numbers: the query that a kernel is made
+/// The query without the options that do not change its numbers: the query that a kernel is made
 /// for.
 pub fn bare_query(query: &Query) -> Query {
-    let request = Request::from_code(query.request).unwrap_or(Request::Kinematics);
-    Query { options: Query::new(request, query.given, query.want).options, ..*query }
+    Query { options: query.options.of_numbers(), ..*query }
 }
 
 /// Text that can stand in a string and in a comment of C.

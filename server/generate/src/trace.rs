@@ -2,7 +2,8 @@
 
 use sarrus_dynamics::scalar::{DOUBTFUL, Real};
 use sarrus_dynamics::{
-    Field, FieldSet, Method, Model, Plan, Request, STRAIGHT_FIELDS, Status, Warnings, Workspace,
+    Field, FieldSet, Method, Model, Plan, QueryOptions, Request, STRAIGHT_FIELDS, Status, Warnings,
+    Workspace,
 };
 
 use crate::graph::{Check, Comparison};
@@ -149,7 +150,9 @@ fn check_fields(plan: &Plan) -> Result<(), GenerateError> {
     if let Some(field) = other {
         return Err(GenerateError::Field(field));
     }
-    if query.request == Request::ForwardDynamics as u32 && plan.method() == Method::Kkt {
+    let has_friction = query.options.contains(QueryOptions::FRICTION);
+    let is_kkt = query.request == Request::ForwardDynamics as u32 && plan.method() == Method::Kkt;
+    if has_friction || is_kkt {
         return Err(GenerateError::NotStraight);
     }
     Ok(())

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod capability;
 mod code;
 mod error;
 mod lengths;
@@ -11,6 +12,9 @@ mod visuals;
 use sarrus_models::{Base, Loaded, Options, Source};
 use serde_json::Value;
 
+pub use capability::{
+    Capability, CapabilityError, Choices, MOST_POINTS, capability, capability_page,
+};
 pub use error::ShowError;
 pub use lengths::{MECHANISMS, Mechanism};
 pub use motion::{Chart, Curve, Motion, POINTS, motion, sparse};

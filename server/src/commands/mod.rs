@@ -3,6 +3,8 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 pub(crate) mod ask;
+#[cfg(feature = "show")]
+pub(crate) mod capability;
 pub(crate) mod check;
 #[cfg(feature = "report")]
 pub(crate) mod compare;

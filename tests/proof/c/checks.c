@@ -147,6 +147,9 @@ static int plans(void) {
     query.reserved[5] = 1;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
     query.reserved[5] = 0;
+    query.n_directions = 65;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "bad_query");
+    query.n_directions = 0;
     query.axes = 3;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
     query.axes = SARRUS_AXES_LOCAL;
@@ -259,6 +262,33 @@ static int dead_server(const char *name) {
     return 0;
 }
 
+/* steps of an observer, on a pendulum that is held with 2 N m too little */
+static int observer(void) {
+    sarrus_robot *robot = NULL;
+    sarrus_plan *plan = NULL;
+    IS(sarrus_robot_bundled("lambda", NULL, &robot), "ok");
+    const char *given[] = {"y", "yd", "tau_y", "dt", "gain", "observer"};
+    sarrus_query query = {0};
+    query.request = SARRUS_REQUEST_OBSERVE;
+    query.given = given;
+    query.n_given = 6;
+    IS(sarrus_robot_prepare(robot, &query, &plan), "ok");
+    CHECK(sarrus_plan_inputs(plan) == 8 && sarrus_plan_outputs(plan) == 4);
+    /* y, yd, tau_y, dt, gain, observer in; observer, tau_external out */
+    double input[8] = {0.0}, output[4];
+    for (int k = 0; k < 21; k++) {
+        IS(sarrus_robot_ask(robot, plan, input, 8, output, 4, NULL), "ok");
+        input[3] = 0.1;
+        input[4] = 20.0;
+        memcpy(input + 5, output, 3 * sizeof(double));
+    }
+    /* at rest the rate of the momentum is what the external force balances */
+    CHECK(fabs(output[2]) > 0.1 && fabs(output[3] + output[2]) < 1e-12);
+    sarrus_plan_free(plan);
+    sarrus_robot_free(robot);
+    return 0;
+}
+
 int main(int argc, char **argv) {
     CHECK(sarrus_abi_version() == SARRUS_ABI_VERSION && sarrus_version()[0] != 0);
     CHECK(sarrus_last_error()[0] == 0);
@@ -269,5 +299,5 @@ int main(int argc, char **argv) {
     if (argc > 1) {
         return dead_server(argv[1]);
     }
-    return nothing() || absent() || arrays() || plans();
+    return nothing() || absent() || arrays() || plans() || observer();
 }

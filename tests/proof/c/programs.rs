@@ -86,6 +86,17 @@ fn what_a_program_does_wrong_is_a_status_and_never_the_end_of_it() {
 }
 
 #[test]
+fn the_transmission_and_the_node_of_ros_work_against_a_stub_of_its_headers() {
+    let ros = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/ros2");
+    let include = |folder: &str| format!("-I{}", ros.join(folder).display());
+    let flags = [include("tests/stub"), include("include")];
+    let flags: Vec<&str> = flags.iter().map(String::as_str).collect();
+    for compiler in present(&CPP) {
+        Program::compile(compiler, &ros.join("tests/check.cpp"), &flags).run(&[]);
+    }
+}
+
+#[test]
 fn valgrind_finds_no_wrong_access_and_no_leak_in_the_library() {
     if Command::new("valgrind").arg("--version").output().is_err() {
         return println!("not run: valgrind is missing");

@@ -152,6 +152,123 @@ fn quantities_of_the_links_have_their_shapes_and_names() {
 }
 
 #[test]
+fn what_the_motors_allow_has_its_shapes_and_names() {
+    let line = r#"{"y":[0.1,0.2],"yd":[0,0],"ydd":[1,2],"directions":[[1,0],[0,-1],[1,1]],
+        "gains_u":{"stiffness":[100,200],"damping":[5,6]},"want":["torque_vertices",
+        "torque_vertices_net","torque_support","torque_support_net","speed_vertices",
+        "reflected_inertia","reflected_damping","reflected_force","gains_y","margin","clip",
+        "clip_nearest","binding"]}"#;
+    let answer = one("inverse-dynamics", "torso", &line.replace('\n', ""));
+    for name in ["torque_vertices", "torque_vertices_net", "speed_vertices"] {
+        assert_eq!(shape(&answer[name]), (4, 2), "{name}");
+    }
+    for (name, n) in [
+        ("torque_support", 3),
+        ("torque_support_net", 3),
+        ("reflected_force", 2),
+        ("clip", 2),
+        ("clip_nearest", 2),
+    ] {
+        assert_eq!(numbers(&answer[name]).len(), n, "{name}");
+    }
+    for name in ["reflected_inertia", "reflected_damping"] {
+        assert_eq!(shape(&answer[name]), (2, 2), "{name}");
+    }
+    assert_eq!(keys(&answer["gains_y"]), ["damping", "force", "stiffness"]);
+    assert_eq!(shape(&answer["gains_y"]["stiffness"]), (2, 2));
+    assert!(answer["margin"].as_f64().unwrap() > 0.0);
+    assert_eq!(answer["binding"].as_array().unwrap().len(), 1);
+    // without a limit: names and nulls
+    let line = r#"{"y":[0.1],"want":["torque_vertices"]}"#;
+    let limited = ask("kinematics", "lambda", &[line]).json().remove(0);
+    assert_eq!(limited["status"], "ok");
+    for (line, word) in [
+        (r#"{"y":[0,0],"want":["torque_support"]}"#, "directions"),
+        (r#"{"y":[0,0],"want":["gains_y"]}"#, "gains_u"),
+        (r#"{"y":[0,0],"directions":[[1]],"want":["torque_support"]}"#, "2"),
+        (r#"{"y":[0,0],"directions":[],"want":["torque_support"]}"#, "directions"),
+        (r#"{"y":[0,0],"friction":1}"#, "true or false"),
+    ] {
+        let answer = ask("kinematics", "torso", &[line]).json().remove(0);
+        assert_ne!(answer["status"], "ok", "{line}");
+        assert!(answer["error"].as_str().unwrap().contains(word), "{answer}");
+    }
+    let whole = r#"{"y":[0,0,0,0,0,0],"want":["speed_vertices"]}"#;
+    let answer = ask("kinematics", "stewart", &[whole]).json().remove(0);
+    assert_eq!(answer["status"], "bad_request");
+    assert!(answer["error"].as_str().unwrap().contains("at most 4"), "{answer}");
+}
+
+#[test]
+fn an_observer_goes_from_line_to_line_and_finds_the_force_of_a_robot_that_stands() {
+    let hold = one("inverse-dynamics", "torso", r#"{"y":[0.1,0.05],"want":["tau_y"]}"#);
+    let tau: Vec<f64> = numbers(&hold["tau_y"]).iter().map(|x| x - 2.0).collect();
+    let mut line = json!({"y": [0.1, 0.05], "yd": [0, 0], "tau_y": tau, "dt": 0.1, "gain": 20});
+    let mut forces = Vec::new();
+    for _ in 0..20 {
+        let answer = one("observe", "torso", &line.to_string());
+        forces.push(numbers(&answer["tau_external"])[0]);
+        line["observer"] = answer["observer"].clone();
+    }
+    assert_eq!(forces[0], 0.0);
+    // what holds the robot lacks 2 N m, so that something else gives them
+    for (k, force) in forces.iter().enumerate() {
+        assert!((force - 2.0 * (1.0 - (-2.0 * k as f64).exp())).abs() < 1e-12, "{forces:?}");
+    }
+    for (more, word) in [
+        (r#""dt":-1,"gain":1"#, "dt as a number"),
+        (r#""dt":[1],"gain":1"#, "dt as a number"),
+        (r#""dt":1"#, "give dt and gain"),
+        (r#""dt":1,"gain":1,"observer":[[0,0,0]]"#, "2 times a row of the observer of 3"),
+        (r#""dt":1,"gain":1,"observer":[[0,0],[0,0,0]]"#, "has 2 numbers, expected 3"),
+    ] {
+        let line = format!(r#"{{"y":[0,0],"yd":[0,0],"tau_u":[0,0],{more}}}"#);
+        let answer = ask("observe", "torso", &[&line]).json().remove(0);
+        assert!(answer["error"].as_str().unwrap().contains(word), "{answer}");
+    }
+}
+
+#[test]
+fn maps_of_motors_are_the_fields_at_their_points() {
+    let mapped = run(&["capability", "--robot", "torso", "--grid", "3"], b"");
+    let map = mapped.json().remove(0);
+    assert_eq!(map["points"].as_array().unwrap().len(), 9);
+    assert_eq!(map["no_limit"], json!([]));
+    for k in 0..9 {
+        if map["reachable"][k] == json!(false) {
+            assert!(map["sigma_min"][k].is_null());
+            continue;
+        }
+        let y = map["points"][k].clone();
+        let line = json!({"y": y, "directions": [[1, 0], [0, 1]],
+            "want": ["torque_support", "reflected_inertia", "sigma_min", "speed_vertices", "G_u"]});
+        let answer = one("kinematics", "torso", &line.to_string());
+        assert_eq!(map["torque_max"][k], answer["torque_support"]);
+        assert_eq!(map["reflected_inertia"][k], answer["reflected_inertia"]);
+        assert_eq!(map["sigma_min"][k], answer["sigma_min"]);
+        let line = json!({"y": y, "tau_y": [1, 0], "want": ["margin"]});
+        let alone = one("map", "torso", &line.to_string())["margin"].as_f64().unwrap();
+        let mapped = map["torque_alone"][k][0].as_f64().unwrap();
+        assert!((alone - mapped).abs() < 1e-9 * alone, "{alone} {mapped}");
+        let vertices = answer["speed_vertices"].as_array().unwrap();
+        let most = vertices.iter().map(|row| numbers(row)[0]).fold(0.0, f64::max);
+        let mapped = map["speed_free"][k][0].as_f64().unwrap();
+        assert!((most - mapped).abs() < 1e-9 * most, "{most} {mapped}");
+    }
+    for (arguments, word) in [
+        (&["--grid", "1001"][..], "1002001 points"),
+        (&["--grid", "1"][..], "2 or more"),
+        (&["--joints", "Elbow"][..], "no independent joint"),
+        (&["--at", "{}"][..], "no line with y"),
+        (&["--at", "{\"y\": [1]}"][..], "expected 2"),
+    ] {
+        let refused = run(&[&["capability", "--robot", "torso"], arguments].concat(), b"");
+        assert_eq!(refused.code, Some(2), "{arguments:?}");
+        assert!(refused.err.contains(word), "{}", refused.err);
+    }
+}
+
+#[test]
 fn frames_have_the_axes_and_the_reference_that_a_line_names() {
     let of = |more: &str| {
         let line = r#"{"y":[0.3],"yd":[1],"frames":["ElbowAct_Link"],"want":["frames"]MORE}"#;

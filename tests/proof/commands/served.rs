@@ -159,6 +159,14 @@ fn through_a_server_the_text_is_the_same() {
                 assert!(together.out == here.out, "{robot} {request} {flags:?}");
             }
         }
+        if robot == "torso" {
+            let text = "{\"y\":[0.1,0.2],\"yd\":[1,-1],\"tau_u\":[3,4],\"dt\":0.1,\"gain\":9,\
+                \"observer\":[[1,2,3],[4,5,6]]}\n";
+            let here = run(&["ask", "observe", "--robot", robot], text.as_bytes());
+            let connected = ["ask", "observe", "--connect", "same"];
+            let there = Run::of(&mut place.command(&connected), text.as_bytes());
+            assert_eq!((here.code, &here.out), (Some(0), &there.out));
+        }
         let top = Run::of(&mut place.command(&["top", "same", "--format", "json"]), b"");
         assert!(top.json()[0]["requests"]["batch"].as_u64().unwrap() > 0, "{}", top.out);
         server.stop();

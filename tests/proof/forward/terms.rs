@@ -21,8 +21,14 @@ fn rods(bends: &[f64], terms: &[Terms]) -> Description {
 
 #[test]
 fn a_pendulum_feels_its_spring_damper_and_rotor() {
-    let terms =
-        Terms { damping: 0.7, stiffness: 3.0, rest: 0.4, rotor_inertia: 2e-4, gear_ratio: 50.0 };
+    let terms = Terms {
+        damping: 0.7,
+        stiffness: 3.0,
+        rest: 0.4,
+        rotor_inertia: 2e-4,
+        gear_ratio: 50.0,
+        ..Terms::default()
+    };
     let model = Model::compile(&rods(&[0.0], &[terms])).unwrap().model;
     let q = 0.9_f64;
     let qd = -1.3;
@@ -59,6 +65,7 @@ fn terms_of_dependent_joints_act_through_the_loop() {
             rest: 0.02 * x,
             rotor_inertia: 1e-3 * x,
             gear_ratio: 9.0,
+            ..Terms::default()
         };
     }
     fn check<T: PlanScalar>(plain: &Model<T>, loaded: &Model<T>, allowed: f64) {

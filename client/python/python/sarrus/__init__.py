@@ -19,6 +19,7 @@ from sarrus import _native
 from sarrus._native import VERSION as __version__
 
 if TYPE_CHECKING:
+    from sarrus import policy
     from sarrus.errors import (
         ConnectError,
         Error,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
         StateError,
         StateWarning,
     )
+    from sarrus.limits import Capability, capability
     from sarrus.names import Names
     from sarrus.query import Answer, Query
     from sarrus.results import Actuators, Frames, Independents, State
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Actuators",
     "Answer",
+    "Capability",
     "ConnectError",
     "Constant",
     "Error",
@@ -57,10 +60,13 @@ __all__ = [
     "Warnings",
     "__version__",
     "bundled",
+    "capability",
+    "policy",
 ]
 
 _MODULES = {
     "errors": ("ConnectError", "Error", "LoadError", "QueryError", "StateError", "StateWarning"),
+    "limits": ("Capability", "capability"),
     "names": ("Names",),
     "query": ("Answer", "Query"),
     "results": ("Actuators", "Frames", "Independents", "State"),
@@ -72,6 +78,8 @@ _MODULES = {
 
 def __getattr__(name: str) -> Any:
     """Import the dynamics at first use: the CAN bridge runs without numpy."""
+    if name == "policy":
+        return importlib.import_module("sarrus.policy")
     for module, names in _MODULES.items():
         if name in names:
             value = globals()[name] = getattr(importlib.import_module(f"sarrus.{module}"), name)

@@ -146,6 +146,8 @@ class Robot:
         projection_tolerance: float | None = None,
         axes: str = "mixed",
         relative_to: str | None = None,
+        directions: int = 0,
+        friction: bool = False,
     ) -> Query: ...
     @property
     def origin(self) -> Origin: ...
@@ -158,6 +160,9 @@ class Robot:
         """Answers that came after the deadline of `connect`; 0 in process."""
 
     def _information_json(self) -> bytes: ...
+    def _capability(
+        self, joints: list[str], grid: int | None, at: list[float] | None, page: bool
+    ) -> tuple[str, str]: ...
     def _page(self, swing: bool) -> str: ...
     def _scene(self) -> str: ...
     def _run_simulation(
@@ -165,7 +170,9 @@ class Robot:
         y: list[float],
         yd: list[float],
         inputs: Inputs,
-        settings: tuple[str, float, float | None, float | None, float, float],
+        settings: tuple[
+            str, float, float | None, float | None, float, float, bool, bool, float | None
+        ],
         progress: Callable[[float, float], object] | None = None,
     ) -> tuple[dict[str, _Array], tuple[str, float, float, list[str], list[tuple[float, str]]]]: ...
 

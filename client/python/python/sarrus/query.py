@@ -14,7 +14,7 @@ from sarrus.status import Status, Warnings
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], object]
-RequestName = Literal["kinematics", "inverse-dynamics", "forward-dynamics", "map"]
+RequestName = Literal["kinematics", "inverse-dynamics", "forward-dynamics", "map", "observe"]
 AxesName = Literal["mixed", "world", "local"]
 
 

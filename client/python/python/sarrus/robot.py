@@ -153,6 +153,8 @@ class Robot(DescribedRobot):
         projection_tolerance: float | None = None,
         axes: AxesName = "mixed",
         relative_to: str | None = None,
+        directions: int = 0,
+        friction: bool = False,
     ) -> Query:
         """Prepare a query of any fields, by the names of `sarrus ask`.
 
@@ -161,7 +163,9 @@ class Robot(DescribedRobot):
         patterns (`AL*`) of the wanted rows. Twists, accelerations and Jacobians of frames are in
         root axes at the frame's origin (`axes="mixed"`), in root axes at the root's origin
         ("world") or in the frame's axes ("local"); the link `relative_to` takes the root's
-        place. A `QueryError` has every unknown name. The work of a
+        place; `directions` is the number of rows of the field of
+        that name, which it adds to `given`; with `friction` forces count
+        the friction of joints. A `QueryError` has every unknown name. The work of a
         state is bounded; with `search` loops are followed, and `nearest_y` is sought, as long as
         it takes.
 
@@ -185,6 +189,8 @@ class Robot(DescribedRobot):
                 projection_tolerance,
                 axes,
                 relative_to,
+                directions,
+                friction,
             )
         )
 
@@ -351,13 +357,18 @@ class Robot(DescribedRobot):
         every: float | None = None,
         rtol: float = 1e-8,
         atol: float = 1e-8,
+        friction: bool = False,
+        limits: bool = False,
+        stops: float | None = None,
         progress: Callable[[float, float], object] | None = None,
     ) -> Simulation:
         """Simulate the robot for a time [s] from a state; without `yd` it starts at rest.
 
         Forces are constant by `tau_u` (n_u) or `tau_y` (n_vy), or `inputs`. `method` is `euler` or
         `rk4` with a fixed `step` [s], or `dop853` or, for stiff problems, `radau5` with step
-        control. Every step is a sample, or one per `every` [s]. Ctrl-C ends it; `progress` gets the
+        control. Every step is a sample, or one per `every` [s]. With `friction` that of joints
+        counts; with `limits` actuators give what they can; `stops` is the stiffness of stops at the
+        limits of joints [N m/rad, N/m]; events name both. Ctrl-C ends it; `progress` gets the
         current time and the duration.
         """
         if self.is_connected:
@@ -368,7 +379,7 @@ class Robot(DescribedRobot):
         if tau_y is not None:
             all_inputs.append(Constant("y", tau_y))
         sorted_inputs = _sorted(all_inputs)
-        settings = (method, duration, step, every, rtol, atol)
+        settings = (method, duration, step, every, rtol, atol, friction, limits, stops)
         start = _list(y, "y"), _list(self._zeros(y) if yd is None else yd, "yd")
         arrays, (end, _, drift, independents, events) = self._run_simulation(
             *start, sorted_inputs, settings, progress

@@ -37,6 +37,7 @@ class Warnings(IntFlag):
     ill_conditioned = 2
     loop_open = 4
     input_projected = 8
+    no_limit = 16
 
     def __str__(self) -> str:
         return ", ".join(bit.name or "" for bit in Warnings if bit in self) or "none"

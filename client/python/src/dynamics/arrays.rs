@@ -25,12 +25,14 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
     use Field::*;
     let Slot { field, rows, columns, .. } = *slot;
     match field {
-        Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection => vec![],
+        Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection | Margin | Dt
+        | Gain => vec![],
         JacobianTree | JacobianIndependent | JacobianActuator | DjacobianDy => {
             vec![rows / 6, 6, columns]
         }
         G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
-        | Centroidal | JdYd => {
+        | Centroidal | JdYd | Directions | GainsU | TorqueVertices | TorqueVerticesNet
+        | SpeedVertices | ReflectedInertia | ReflectedDamping | GainsY | Observer => {
             vec![rows, columns]
         }
         field if field.is_derivative() => vec![rows, columns],

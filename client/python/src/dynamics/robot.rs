@@ -108,7 +108,7 @@ impl PyRobot {
     #[pyo3(name = "_prepare", signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
         checksum = false, search = false, loop_tolerance = None, projection_tolerance = None,
-        axes = "mixed", relative_to = None
+        axes = "mixed", relative_to = None, directions = 0, friction = false
     ))]
     fn prepare(
         &self,
@@ -125,6 +125,8 @@ impl PyRobot {
         projection_tolerance: Option<f64>,
         axes: &str,
         relative_to: Option<String>,
+        directions: usize,
+        friction: bool,
     ) -> PyResult<PyQuery> {
         let known = Request::ALL.iter().copied().find(|known| known.name() == request);
         let known = known.ok_or_else(|| {
@@ -150,11 +152,17 @@ impl PyRobot {
             if let Some(joints) = joints {
                 query = query.joints(joints);
             }
+            if directions > 0 {
+                query = query.directions(directions);
+            }
             if !wrenches.is_empty() {
                 query = query.wrenches(wrenches);
             }
             if checksum {
                 query = query.checksum();
+            }
+            if friction {
+                query = query.friction();
             }
             if search {
                 query = query.search();
@@ -187,6 +195,27 @@ impl PyRobot {
     fn information_json<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let json = self.shared.with(py, |robot| Ok(robot.model().to_json()))?;
         Ok(PyBytes::new(py, &json))
+    }
+
+    /// Maps of the capability of the motors, as lines of JSON and as a page; see
+    /// `sarrus.capability`.
+    #[pyo3(name = "_capability")]
+    fn capability(
+        &self,
+        py: Python<'_>,
+        joints: Vec<String>,
+        grid: Option<usize>,
+        at: Option<Vec<f64>>,
+        page: bool,
+    ) -> PyResult<(String, String)> {
+        let loaded = self.origin.get().load(py)?;
+        let choices = sarrus_show::Choices { joints, grid, at };
+        let maps = py.detach(|| sarrus_show::capability(&loaded, &choices, &mut |_| {}));
+        let maps = maps.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let text = maps.iter().map(|map| map.to_json().to_string() + "\n").collect();
+        let name = loaded.compiled.model.name();
+        let html = if page { sarrus_show::capability_page(name, &maps) } else { String::new() };
+        Ok((text, html))
     }
 
     /// The robot as a page; see `sarrus.Robot.save_page`.

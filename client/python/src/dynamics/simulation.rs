@@ -25,8 +25,8 @@ pub(super) type Inputs = (
     Vec<(bool, Vec<f64>, Vec<f64>, Vec<f64>)>,
 );
 
-/// Method, duration, step, time between samples, tolerances.
-pub(super) type Parts = (String, f64, Option<f64>, Option<f64>, f64, f64);
+/// Method, duration, step, time between samples, tolerances, friction, limits, stops.
+pub(super) type Parts = (String, f64, Option<f64>, Option<f64>, f64, f64, bool, bool, Option<f64>);
 
 /// The end of a simulation, its time, the drift of its energy, the independents at the end, and the
 /// events.
@@ -41,7 +41,7 @@ pub(super) fn run<'py>(
     loaded: &Loaded,
     (y, yd): (Vec<f64>, Vec<f64>),
     inputs: Inputs,
-    (method, duration, step, every, rtol, atol): Parts,
+    (method, duration, step, every, rtol, atol, friction, limited, stops): Parts,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyDict>, Simulated)> {
     let known = Method::ALL.into_iter().find(|known| known.name() == method);
@@ -49,7 +49,8 @@ pub(super) fn run<'py>(
         let names = Method::ALL.map(Method::name).join(", ");
         PyValueError::new_err(format!("no method `{method}`, expected one of {names}"))
     })?;
-    let settings = Settings { step, every, rtol, atol, ..Settings::new(method, duration) };
+    let usual = Settings::new(method, duration);
+    let settings = Settings { step, every, rtol, atol, friction, limited, stops, ..usual };
     let start = Start::Independent { y, yd, guess: None };
     let inputs = inputs_of(inputs);
     let Loaded { description, compiled, .. } = loaded;
@@ -112,6 +113,8 @@ fn word(kind: &EventKind) -> &'static str {
         EventKind::NotSwitched { .. } => "not_switched",
         EventKind::Shortened { .. } => "shortened",
         EventKind::NearSingular { .. } => "near_singular",
+        EventKind::Limited { .. } => "limited",
+        EventKind::Stopped { .. } => "stopped",
         EventKind::Stiff => "stiff",
         _ => "other",
     }

@@ -60,6 +60,28 @@ pub(crate) fn moving_bodies<T: Real>(
     }
 }
 
+/// sᵀ H and ṡᵀ H of each column s, with H the momentum of all that it moves: the momentum along a
+/// tree velocity, with that of its rotor, and the part of its rate by the turning of its axis. After
+/// [`moving_bodies`], into `tau_q` and `held_q`; the forces on the bodies are lost.
+pub(crate) fn momenta<T: Real>(model: &Model<T>, qd: &[T], d: &mut Derivatives<T>) {
+    for body in &mut d.bodies {
+        body.force = body.inertia.times(body.V);
+    }
+    for (i, body) in model.bodies.iter().enumerate().skip(1).rev() {
+        let Moving { V, force: H, .. } = d.bodies[i];
+        for v in body.v..body.v + body.motion.n_v() {
+            let s = d.columns[v].of.moved;
+            d.tau_q[v] = s.dot(H);
+            d.held_q[v] = V.cross(s).dot(H);
+        }
+        let parent = &mut d.bodies[body.parent];
+        parent.force = parent.force.plus(H);
+    }
+    for rotor in &model.terms.rotors {
+        d.tau_q[rotor.v] = rotor.inertia.mul_add(qd[rotor.v], d.tau_q[rotor.v]);
+    }
+}
+
 impl<T: Real> Moving<T> {
     /// A body alone, without external forces.
     #[inline(always)]

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::description::{Cut, Description, Joint, Placement, Terms};
+use crate::description::{Cut, Description, Friction, Joint, Placement, Terms};
 use crate::diagnostic::{Diagnostic, Site};
 
 /// Reports empty or duplicate names, numbers that are not finite, contradictory limits and loops
@@ -76,8 +76,10 @@ impl Faults {
         let name = &joint.name;
         self.finite(site, &format!("the origin of joint {name}"), placed(&joint.origin));
         self.finite(site, &format!("the axis of joint {name}"), joint.axis);
-        let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
-        let terms = [damping, stiffness, rest, rotor_inertia, gear_ratio];
+        let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, friction } = joint.terms;
+        let Friction { coulomb, viscous, speed } = friction;
+        let terms = [damping, stiffness, rest, rotor_inertia, gear_ratio, coulomb, viscous];
+        self.finite(site, &format!("the friction of joint {name}"), [1.0 / speed]);
         self.finite(site, &format!("the spring, damper or rotor of joint {name}"), terms);
         if let Some(coupling) = &joint.coupling {
             let numbers = coupling.terms.iter().map(|term| term.1).chain([coupling.offset]);

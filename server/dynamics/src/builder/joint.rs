@@ -34,6 +34,7 @@ impl DescriptionBuilder {
             limits: None,
             coupling: None,
             terms: Terms::default(),
+            motor: None,
         });
         self.x_root_link.push(self.x_root_link[parent]);
         joint

@@ -224,6 +224,7 @@ impl<'a> Builder<'a> {
             growth: [0.0; 2],
             limits: Vec::new(),
             effort: Vec::new(),
+            motors: Vec::new(),
         };
         Some(Builder {
             description,

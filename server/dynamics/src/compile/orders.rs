@@ -4,7 +4,7 @@ use crate::closure::Closure;
 use crate::compile::assemble::Builder;
 use crate::description as written;
 use crate::description::JointKind;
-use crate::mechanism::Motion;
+use crate::mechanism::{Motion, Motor};
 use crate::model::Limit;
 
 /// Names and limits in external order.
@@ -39,7 +39,21 @@ impl Builder<'_> {
                 self.model.order.u_q.push(q);
                 self.model.order.u_v.push(v);
                 self.names.active.push(joint.name.clone());
-                self.model.effort.push(joint.limits.map_or(f64::INFINITY, |limits| limits.effort));
+                let of = |limit: fn(&written::Limits) -> f64| {
+                    joint.limits.as_ref().map_or(f64::INFINITY, limit)
+                };
+                let effort = of(|limits| limits.effort);
+                self.model.effort.push(effort);
+                let velocity = of(|limits| limits.velocity);
+                let known = joint.motor.as_ref();
+                self.model.motors.push(Motor {
+                    effort,
+                    velocity,
+                    driving: known.map_or_else(Vec::new, |motor| motor.driving.clone()),
+                    braking: known.map_or_else(Vec::new, |motor| motor.braking.clone()),
+                    power: known.map_or(f64::INFINITY, |motor| motor.power),
+                    efficiency: known.map_or([1.0; 2], |motor| motor.efficiency),
+                });
             }
         }
         let order = &mut self.model.order;

@@ -1,9 +1,9 @@
 //! Reads springs, dampers and rotors of joints off the description.
 
 use crate::compile::assemble::Builder;
-use crate::description::Terms;
+use crate::description::{self, Terms};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::mechanism::{Damper, Motion, Rotor, Spring};
+use crate::mechanism::{Damper, Friction, Motion, Rotor, Spring};
 use crate::scalar::{Dd, Real};
 
 impl Builder<'_> {
@@ -16,10 +16,13 @@ impl Builder<'_> {
                 continue;
             }
             let body = self.body(j);
-            let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = joint.terms;
+            let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, friction } =
+                joint.terms;
             let n_v = body.motion.n_v();
-            let is_damped_ball =
-                body.motion == Motion::Spherical && stiffness == 0.0 && rotor_inertia == 0.0;
+            let is_damped_ball = body.motion == Motion::Spherical
+                && stiffness == 0.0
+                && rotor_inertia == 0.0
+                && friction == description::Friction::default();
             if n_v > 1 && !is_damped_ball {
                 errors.push(Diagnostic::new(
                     Site::Joint(j),
@@ -49,6 +52,14 @@ impl Builder<'_> {
                 let damping = number(damping);
                 terms.dampers.extend((v..v + n_v).map(|v| Damper { v, damping }));
             }
+            if friction.coulomb != 0.0 || friction.viscous != 0.0 {
+                terms.frictions.push(Friction {
+                    v,
+                    coulomb: number(friction.coulomb),
+                    viscous: number(friction.viscous),
+                    per_speed: Dd::ONE / number(friction.speed),
+                });
+            }
             if inertia != Dd::ZERO {
                 terms.rotors.push(Rotor { v, inertia });
             }
@@ -56,6 +67,7 @@ impl Builder<'_> {
         self.model.terms.springs.sort_by_key(|x| x.v);
         self.model.terms.dampers.sort_by_key(|x| x.v);
         self.model.terms.rotors.sort_by_key(|x| x.v);
+        self.model.terms.frictions.sort_by_key(|x| x.v);
     }
 
     /// Bodies that have a child cluster, or support a body of their own cluster that has.

@@ -13,7 +13,20 @@ fn everything() -> Description {
         axis: [0.0, 0.6, 0.8],
         limits,
         coupling,
-        terms: Terms { damping: 0.5, stiffness: 20.0, rest: 0.1, ..Terms::default() },
+        terms: Terms {
+            damping: 0.5,
+            stiffness: 20.0,
+            rest: 0.1,
+            friction: Friction { coulomb: 0.6, viscous: 0.06, speed: 0.02 },
+            ..Terms::default()
+        },
+        motor: Some(Motor {
+            continuous: 3.0,
+            driving: vec![[30.0, 25.0], [40.0, 0.0]],
+            braking: vec![[31.0, 32.0]],
+            power: 500.0,
+            efficiency: [0.9, 0.8],
+        }),
     };
     let inertial =
         Inertial { origin: placement(3.0), mass: 1.5, inertia: [1.0, 0.01, 0.02, 1.1, 0.03, 1.2] };
@@ -96,8 +109,18 @@ impl<'a> Leaves<'a> {
             }
         }
         for joint in joints {
-            let Joint { name, kind: _, parent, child, origin, axis, limits, coupling, terms } =
-                joint;
+            let Joint {
+                name,
+                kind: _,
+                parent,
+                child,
+                origin,
+                axis,
+                limits,
+                coupling,
+                terms,
+                motor,
+            } = joint;
             leaves.texts.push(name);
             leaves.indices.extend([parent, child]);
             leaves.placement(origin);
@@ -112,8 +135,16 @@ impl<'a> Leaves<'a> {
                     leaves.numbers.push(multiplier);
                 }
             }
-            let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio } = terms;
+            let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, friction } = terms;
             leaves.numbers.extend([damping, stiffness, rest, rotor_inertia, gear_ratio]);
+            let Friction { coulomb, viscous, speed } = friction;
+            leaves.numbers.extend([coulomb, viscous, speed]);
+            if let Some(Motor { continuous, driving, braking, power, efficiency }) = motor {
+                leaves.numbers.extend([continuous, power]);
+                leaves.numbers.extend(efficiency);
+                leaves.numbers.extend(driving.as_flattened_mut().iter_mut());
+                leaves.numbers.extend(braking.as_flattened_mut().iter_mut());
+            }
         }
         for submechanism in submechanisms {
             let Submechanism {

@@ -3,9 +3,11 @@
 
 mod dense;
 mod tree_sparse;
+mod zonotope;
 
 pub(crate) use dense::{
     column_square, decompose, determinant_sign, eliminate, exchange, invert, least_norm,
     singular_range, solve_pivoted, solve_sound, solve_unpivoted, substitute_back,
 };
 pub(crate) use tree_sparse::{TreeSparsity, factorise_full, factorise_tree, solve_tree};
+pub(crate) use zonotope::{Zonotope, dot};

@@ -1,16 +1,17 @@
 //! Springs, dampers and rotors of joints, as lists of the joints that have them.
 
 use crate::scalar::constants;
-/// Springs, dampers and rotors of all joints, each in the order of the velocities.
+/// Springs, dampers, rotors and friction of all joints, each in the order of the velocities.
 #[derive(Clone, Debug)]
 pub(crate) struct JointTerms<T> {
     pub(crate) springs: Vec<Spring<T>>,
     pub(crate) dampers: Vec<Damper<T>>,
     pub(crate) rotors: Vec<Rotor<T>>,
+    pub(crate) frictions: Vec<Friction<T>>,
 }
 
 constants! { JointTerms:
-    each springs dampers rotors;
+    each springs dampers rotors frictions;
 }
 
 /// The joint exerts −k (q − rest).
@@ -51,8 +52,28 @@ constants! { Rotor:
     number inertia;
 }
 
+/// The joint exerts −F tanh(q̇ / v₀) − d q̇ where it is asked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Friction<T> {
+    pub(crate) v: usize,
+    pub(crate) coulomb: T,
+    pub(crate) viscous: T,
+    /// 1 / v₀.
+    pub(crate) per_speed: T,
+}
+
+constants! { Friction:
+    keep v;
+    number coulomb viscous per_speed;
+}
+
 impl<T: Copy> JointTerms<T> {
     pub(crate) fn none() -> JointTerms<T> {
-        JointTerms { springs: Vec::new(), dampers: Vec::new(), rotors: Vec::new() }
+        JointTerms {
+            springs: Vec::new(),
+            dampers: Vec::new(),
+            rotors: Vec::new(),
+            frictions: Vec::new(),
+        }
     }
 }

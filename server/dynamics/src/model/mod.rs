@@ -32,7 +32,7 @@ pub(crate) use scope::{Direct, Roots, Scope};
 
 use crate::closure::Closure;
 use crate::linalg::TreeSparsity;
-use crate::mechanism::{Body, Cluster, Frame, JointTerms};
+use crate::mechanism::{Body, Cluster, Frame, JointTerms, Motor};
 use crate::scalar::{Real, constants};
 
 /// Ratio of a joint's inertia to its articulated inertia above which forward dynamics loses more
@@ -86,6 +86,8 @@ pub struct Model<C = f64> {
     /// Limits that exist, and the effort limit of each actuator.
     pub(crate) limits: Vec<Limit>,
     pub(crate) effort: Vec<f64>,
+    /// Limits of each actuator (n_u).
+    pub(crate) motors: Vec<Motor>,
 }
 
 impl<C> Model<C> {
@@ -146,6 +148,15 @@ impl<C> Model<C> {
         }
         clusters
     }
+    /// Least and greatest force of an actuator at a speed; `None` without a limit.
+    pub fn actuator_forces(&self, u: usize, speed: f64) -> Option<[f64; 2]> {
+        let motor = self.motors.get(u).filter(|motor| motor.has_effort())?;
+        Some(motor.forces(speed))
+    }
+    /// The cluster of each independent velocity, in the order of ẏ (n_vy).
+    pub fn independent_clusters(&self) -> Vec<usize> {
+        self.order.vy_v.iter().map(|v| self.cluster_of_v[*v]).collect()
+    }
 }
 
 impl<C: Real> Model<C> {
@@ -172,7 +183,7 @@ impl<C> Model<C> {
 
 constants! { Model:
     keep meta closed_clusters cluster_of cluster_of_v n_g sparsity has_child_cluster inertia growth
-        is_massless order described_zero limits effort;
+        is_massless order described_zero limits effort motors;
     list zero;
     map gravity terms;
     each bodies clusters closures frames;

@@ -49,11 +49,15 @@ impl Plan {
                 self.close_derivatives(model, &model.clusters[c], ws, of_actuators, d)?;
             }
         }
-        if !self.steps.force_derivatives && !self.wants(Field::DjacobianDy) {
+        let observes = self.steps.observes;
+        if !self.steps.force_derivatives && !observes && !self.wants(Field::DjacobianDy) {
             return Ok(());
         }
         algorithms::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
         algorithms::moving_bodies(model, (&ws.qd, &ws.qdd), &ws.world, d);
+        if observes {
+            return self.observe(model, ws, input, d);
+        }
         if !self.steps.force_derivatives {
             return Ok(());
         }
@@ -177,6 +181,13 @@ impl Plan {
                     let column = d.ydd_of_tau_u[*i..].iter().step_by(n);
                     out.iter_mut().zip(column).for_each(|(x, y)| *x = *y);
                 }
+            }
+            Field::TauExternal => {
+                out.iter_mut().zip(&rows.vy).for_each(|(x, k)| *x = d.observer[*k][0]);
+            }
+            Field::Observer => {
+                let rows = by_y.iter().map(|k| &d.observer[*k]);
+                out.chunks_exact_mut(3).zip(rows).for_each(|(x, row)| x.copy_from_slice(row));
             }
             Field::Gd => blocks(model, out, &rows.v, |at| d.Gd[at]),
             Field::DqddDy => blocks(model, out, &rows.v, |at| d.H2[at]),

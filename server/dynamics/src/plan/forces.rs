@@ -1,10 +1,10 @@
 //! Forces: inverse and forward dynamics, maps between the spaces, loop-closure forces.
 
-use sarrus_proto::{Field, Slot, Status};
+use sarrus_proto::{Field, QueryOptions, Slot, Status};
 
 use crate::algorithms::{self, TreeMotion};
 use crate::closure::column_unit;
-use crate::mechanism::Cluster;
+use crate::mechanism::{Cluster, Friction};
 use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
 use crate::plan::actuation::to_actuators;
@@ -20,6 +20,10 @@ use crate::workspace::Workspace;
 const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
+
+/// Fields of actuators that read C_y − Gᵀ Σ Jᵀ w, and τ_u.
+const NET: [Field; 2] = [Field::TorqueVerticesNet, Field::TorqueSupportNet];
+const READ_TAU_U: [Field; 2] = [Field::GainsY, Field::ClipNearest];
 
 /// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
 /// inertia.
@@ -54,6 +58,10 @@ impl Plan {
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         let scope = &self.needed.scope;
+        if self.wants_any(&NET) {
+            self.bias_force(model, ws, input, true);
+            ws.C_net.copy_from_slice(&ws.C_y);
+        }
         if self.wants(Field::CY) {
             ws.tau_terms.fill(T::ZERO);
             self.bias_force(model, ws, input, false);
@@ -75,13 +83,17 @@ impl Plan {
                     &mut ws.motion,
                     &mut ws.tau_q,
                 );
+                self.friction(model, &ws.qd, &mut ws.tau_q);
             }
             ws.tau_terms.fill(T::ZERO);
             to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
         let of_actuators = [Field::TauU, Field::TauUnactuated, Field::Lambda];
-        if self.wants_any(&of_actuators) || self.wants_any(&OF_ACTUATORS) {
+        if self.wants_any(&of_actuators)
+            || self.wants_any(&OF_ACTUATORS)
+            || self.wants_any(&READ_TAU_U)
+        {
             report.doubt.times(to_actuators(model, scope, ws)?);
         }
         if self.wants(Field::Lambda) {
@@ -112,6 +124,9 @@ impl Plan {
         ws.tau_terms.fill(T::ZERO);
         self.bias_force(model, ws, input, true);
         report.doubt.times(self.given_forces(model, ws, input));
+        if self.wants_any(&NET) {
+            ws.C_net.copy_from_slice(&ws.C_y);
+        }
         for run in scope.independents.runs() {
             let forces = ws.tau_y[run.clone()].iter().zip(&ws.C_y[run.clone()]);
             ws.ydd[run].iter_mut().zip(forces).for_each(|(x, (tau, C))| *x = *tau - *C);
@@ -162,6 +177,7 @@ impl Plan {
             let motion = &mut ws.motion;
             let loop_q = &mut ws.loop_q;
             algorithms::newton_euler(model, scope, &tree, wrench, motion, loop_q);
+            self.friction(model, &ws.qd, loop_q);
             self.each_given_force(model, input, |v, tau| ws.loop_q[v] -= tau);
         }
         Ok(())
@@ -237,6 +253,7 @@ impl Plan {
         ws.qdd.fill(T::ZERO);
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
         algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+        self.friction(model, &ws.qd, &mut ws.tau_q);
         ws.loop_q.fill(T::ZERO);
         self.each_given_force(model, input, |v, tau| ws.loop_q[v] = tau);
         self.kkt(model, ws)
@@ -260,6 +277,7 @@ impl Plan {
         }
         let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &qdd };
         algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut ws.tau_q);
+        self.friction(model, &ws.qd, &mut ws.tau_q);
         ws.start_rate = qdd;
         let of_all =
             |x: &[T]| x.iter().fold(T::ZERO, |most, x| T::select_lt(most, x.abs(), x.abs(), most));
@@ -306,10 +324,11 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) -> Result<(), Status> {
-        if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) {
+        if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) || self.reads_forces()
+        {
             ws.tau_terms.fill(T::ZERO);
             report.doubt.times(self.given_forces(model, ws, input));
-            if self.wants_any(&[Field::TauU, Field::TauUnactuated]) {
+            if self.wants_any(&[Field::TauU, Field::TauUnactuated]) || self.wants_any(&READ_TAU_U) {
                 report.doubt.times(to_actuators(model, &self.needed.scope, ws)?);
             }
         }
@@ -335,8 +354,38 @@ impl Plan {
             // q̈ = g
             let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
             algorithms::newton_euler(model, scope, &tree, wrench, motion, tau_q);
+            self.friction(model, &ws.qd, tau_q);
         }
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+    }
+
+    /// τ_y of the given forces less gravity, springs, dampers, friction and wrenches.
+    pub(super) fn known_forces<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        report: &mut RunReport<T>,
+    ) {
+        let scope = &self.needed.scope;
+        let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
+        algorithms::rest_forces(model, scope, &ws.q, wrench, &mut ws.motion, &mut ws.tau_q);
+        for damper in &model.terms.dampers {
+            ws.tau_q[damper.v] = damper.damping.mul_add(ws.qd[damper.v], ws.tau_q[damper.v]);
+        }
+        self.friction(model, &ws.qd, &mut ws.tau_q);
+        ws.tau_terms.fill(T::ZERO);
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+        report.doubt.times(self.given_forces(model, ws, input));
+        ws.tau_y.iter_mut().zip(&ws.C_y).for_each(|(tau, C)| *tau -= *C);
+    }
+
+    /// τ += F tanh(q̇ / v₀) + d q̇, where it is asked.
+    #[inline]
+    fn friction<T: Real>(&self, model: &Model<T>, qd: &[T], tau_q: &mut [T]) {
+        if self.query.options.contains(QueryOptions::FRICTION) {
+            add_friction(model, qd, tau_q);
+        }
     }
 
     /// Digits that forces on the independents lose in the sums of their terms.
@@ -399,6 +448,14 @@ impl Plan {
             &input[slot.range()],
         );
         true
+    }
+}
+
+#[inline(never)]
+fn add_friction<T: Real>(model: &Model<T>, qd: &[T], tau_q: &mut [T]) {
+    for &Friction { v, coulomb, viscous, per_speed } in &model.terms.frictions {
+        let dry = coulomb * (qd[v] * per_speed).tanh();
+        tau_q[v] += viscous.mul_add(qd[v], dry);
     }
 }
 

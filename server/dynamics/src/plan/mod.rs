@@ -9,8 +9,10 @@ mod forces;
 mod kkt;
 mod limits;
 mod links;
+mod motors;
 mod needed;
 mod newton;
+mod observer;
 mod outline;
 mod output;
 mod run;
@@ -34,6 +36,7 @@ use sarrus_proto::{Field, FieldSet, Layout, Query, QueryError, QueryOptions, Req
 
 use crate::model::{Method, Model};
 use crate::plan::closed::Closed;
+use crate::plan::motors::Motors;
 use crate::plan::needed::Needed;
 use crate::plan::steps::{Space, Steps};
 use crate::workspace::Needs;
@@ -84,6 +87,7 @@ pub struct Plan {
     /// Links whose wrenches affect the outputs, as (place in the request, link).
     wrench_links: Vec<(usize, usize)>,
     needed: Needed,
+    motors: Option<Motors>,
     closed: Closed,
     /// States of a packet.
     batch_width: usize,
@@ -132,6 +136,7 @@ impl Plan {
             wrench_bodies: supports(model, &loaded),
             frames,
             wrench_links,
+            motors: Motors::new(model, &query.want, &needed)?,
             needed,
             closed,
             batch_width: 1,
@@ -164,7 +169,7 @@ impl Plan {
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
         let Steps { mass_matrix, conditions: dense, derivatives, .. } = self.steps;
-        Needs { mass_matrix, dense, kkt, derivatives }
+        Needs { mass_matrix, dense, kkt, derivatives, motors: self.motors.is_some() }
     }
 
     /// True if a request may search as long as it takes.

@@ -54,13 +54,29 @@ pub(super) const DERIVATIVES: [Field; 13] = [
     Field::DgBiasDyd,
     Field::DjacobianDy,
 ];
+/// Fields of the observer, which reads Ġ.
+pub(super) const OBSERVED: [Field; 2] = [Field::Observer, Field::TauExternal];
 pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
     [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
 /// Forces, and the quantities in their rows.
-const FORCES: [Field; 6] =
-    [Field::TauQ, Field::TauY, Field::TauU, Field::TauUnactuated, Field::CY, Field::MY];
+const FORCES: [Field; 12] = [
+    Field::TauQ,
+    Field::TauY,
+    Field::TauU,
+    Field::TauUnactuated,
+    Field::CY,
+    Field::MY,
+    Field::GainsY,
+    Field::Margin,
+    Field::Clip,
+    Field::ClipNearest,
+    Field::Binding,
+    Field::TorqueVerticesNet,
+];
+/// Supports along directions of the whole robot.
+const SUPPORTS: [Field; 2] = [Field::TorqueSupport, Field::TorqueSupportNet];
 
 /// The part of a robot that a plan computes, and where its outputs lie in the internal order.
 #[derive(Clone, Debug)]
@@ -178,6 +194,7 @@ fn roots<C>(
     let whole = want.has_any(&OF_THE_ROBOT)
         || steps.links
         || steps.derivatives
+        || want.has_any(&SUPPORTS)
         || !has_rows && !steps.frames
         || request == Request::ForwardDynamics && method == Method::Kkt;
     let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();
@@ -188,12 +205,14 @@ fn roots<C>(
 
     let forces = match request {
         Request::InverseDynamics
-            if steps.force_derivatives || want.has_any(&[Field::Lambda, Field::CondMy]) =>
+            if steps.force_derivatives
+                || want.has_any(&[Field::Lambda, Field::CondMy, Field::TorqueSupportNet]) =>
         {
             all()
         }
         Request::InverseDynamics if want.has_any(&FORCES) => rows.clone(),
         Request::InverseDynamics => Vec::new(),
+        Request::Observe if want.has_any(&OBSERVED) => all(),
         Request::ForwardDynamics if whole => all(),
         Request::ForwardDynamics => {
             let on_paths = frames.iter().map(|i| model.cluster_of[*i]);
@@ -205,7 +224,8 @@ fn roots<C>(
     let is_actuated = [Some(steps.position), steps.velocity, steps.acceleration]
         .contains(&Some(Space::Actuation));
     let needs_G = steps.derivatives
-        || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY]);
+        || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY])
+        || want.iter().any(Field::is_of_motors);
     Roots {
         closed: if whole { all() } else { rows },
         forces,

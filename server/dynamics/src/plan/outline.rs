@@ -1,5 +1,6 @@
 //! Report on the steps of a plan, in words and numbers.
 
+use sarrus_proto::Field::{CY, TorqueSupportNet, TorqueVerticesNet};
 use sarrus_proto::Request;
 
 use crate::closure::Level;
@@ -37,7 +38,8 @@ impl Plan {
         let moves = steps.velocity.is_some();
         let is_dynamic =
             matches!(self.request, Request::InverseDynamics | Request::ForwardDynamics);
-        let forces = is_dynamic && (steps.newton_euler || self.wants(sarrus_proto::Field::CY));
+        let forces = is_dynamic
+            && (steps.newton_euler || self.wants_any(&[CY, TorqueVerticesNet, TorqueSupportNet]));
         let rests = if steps.newton_euler { steps.rest } else { steps.bias_at_rest };
         let is_forward = self.request == Request::ForwardDynamics;
         let list = [
@@ -67,6 +69,7 @@ impl Plan {
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
             (steps.links, "sums over the links"),
             (steps.derivatives, "derivatives"),
+            (self.motors.is_some(), "limits of actuators"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {

@@ -7,7 +7,7 @@ use crate::linalg::solve_sound;
 use crate::mechanism::Frame;
 use crate::model::Model;
 use crate::plan::diagnostics::singular;
-use crate::plan::needed::OF_THE_LINKS;
+use crate::plan::needed::{OBSERVED, OF_THE_LINKS};
 use crate::plan::run::RunReport;
 use crate::plan::{Plan, links};
 use crate::scalar::{Real, all_finite};
@@ -21,6 +21,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         report: &RunReport<T>,
+        input: &[T],
         output: &mut [T],
     ) -> Status {
         if self.steps.frames || self.steps.links {
@@ -44,6 +45,13 @@ impl Plan {
                 return status;
             }
         }
+        // no packet has them
+        if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
+            let status = self.write_motors(model, ws, motors, input, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
         if let Some(conditions) = conditions {
             let figures = [
                 (Field::Residual, conditions.residual),
@@ -63,10 +71,11 @@ impl Plan {
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
-        let may_be_infinite =
-            |field| matches!(field, Field::CondKd | Field::CondGu | Field::CondMy);
+        let may_be_infinite = |field: Field| {
+            matches!(field, Field::CondKd | Field::CondGu | Field::CondMy) || field.is_of_motors()
+        };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        let fits = if self.steps.conditions {
+        let fits = if self.steps.conditions || self.motors.is_some() {
             slots.all(|slot| all_finite(&output[slot.range()]))
         } else {
             all_finite(output)
@@ -213,7 +222,7 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
-            field if field.is_derivative() && !T::STRAIGHT => {
+            field if (field.is_derivative() || OBSERVED.contains(&field)) && !T::STRAIGHT => {
                 self.write_derivative(model, ws, field, out);
             }
             // written where they are computed

@@ -141,7 +141,7 @@ impl Plan {
         let mut report = RunReport::none();
         let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
         report.status = match computed {
-            Ok(()) => self.write(model, workspace, &report, output),
+            Ok(()) => self.write(model, workspace, &report, input, output),
             // an angle without sine fails in the first step that uses it
             Err(_) if self.beyond_angles(model, workspace, &report) => {
                 report = RunReport::none();
@@ -166,6 +166,9 @@ impl Plan {
             report.projection > self.query.projection_tolerance.bound(),
             Warnings::INPUT_PROJECTED,
         );
+        let no_limit = self.motors.is_some()
+            && workspace.motors.as_ref().is_some_and(|motors| motors.no_limit);
+        report.warn_if(no_limit, Warnings::NO_LIMIT);
         report.warnings |= self.limits(workspace);
         Answer { status: Status::Ok, warnings: report.warnings }
     }
@@ -217,6 +220,10 @@ impl Plan {
             Request::InverseDynamics => self.inverse_dynamics(model, ws, input, report),
             Request::ForwardDynamics => self.forward_dynamics(model, ws, input, report),
             Request::Map => self.map_forces(model, ws, input, report),
+            Request::Observe if self.steps.observes => {
+                self.known_forces(model, ws, input, report);
+                Ok(())
+            }
             _ => Ok(()),
         }?;
         // no packet has them

@@ -1,7 +1,7 @@
 //! The steps of a plan, by the fields that a query gives and wants.
 
 use sarrus_proto::Field::{self, *};
-use sarrus_proto::{Axes, Query, Request};
+use sarrus_proto::{Axes, OF_ACTUATOR_FORCES, Query, Request};
 
 use crate::closure::Level;
 use crate::model::Method;
@@ -19,9 +19,22 @@ const FRAMES: [Field; 8] = [
     DjacobianDy,
 ];
 const VELOCITIES: [Field; 8] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy];
+/// Read the speeds of actuators.
+const MOTORS: [Field; 8] = [
+    TorqueVertices,
+    TorqueSupport,
+    TorqueVerticesNet,
+    TorqueSupportNet,
+    Margin,
+    Clip,
+    ClipNearest,
+    Binding,
+];
 const ACCELERATIONS: [Field; 4] = [Qdd, Ydd, Udd, FrameAcc];
 const TREE_ACCELERATIONS: [Field; 3] = [Qdd, Udd, FrameAcc];
-const BIASES: [Field; 4] = [GBias, GUBias, ComBias, JdYd];
+const BIASES: [Field; 5] = [GBias, GUBias, ComBias, JdYd, ReflectedForce];
+/// Read C_y.
+const BIAS_FORCES: [Field; 3] = [CY, TorqueVerticesNet, TorqueSupportNet];
 const LOOP_JACOBIANS: [Field; 8] =
     [G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator, ComJacobian, Centroidal];
 const FORCES: [Field; 5] = [TauY, TauU, TauQ, TauUnactuated, Lambda];
@@ -72,6 +85,8 @@ pub(super) struct Steps {
     /// Derivatives, and those of them that need forces.
     pub(super) derivatives: bool,
     pub(super) force_derivatives: bool,
+    /// The step of the observer.
+    pub(super) observes: bool,
 }
 
 impl Steps {
@@ -86,10 +101,13 @@ impl Steps {
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
         let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
         let links = want.has_any(&needed::OF_THE_LINKS);
-        let derivatives = want.has_any(&needed::DERIVATIVES);
+        let observes = want.has_any(&needed::OBSERVED);
+        let derivatives = observes || want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
-        let newton_euler = forward || dynamics && (force_derivatives || want.has_any(&FORCES));
+        let forces =
+            force_derivatives || want.has_any(&FORCES) || want.has_any(&OF_ACTUATOR_FORCES);
+        let newton_euler = forward || dynamics && forces;
         let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
         Steps {
             position: Space::given(query, [Y, Q, U]).unwrap_or(Space::Independent),
@@ -101,6 +119,7 @@ impl Steps {
                 || conditions
                 || derivatives
                 || want.has_any(&VELOCITIES)
+                || want.has_any(&MOTORS)
                 || want.has_any(&ACCELERATIONS)
                 || want.has_any(&BIASES),
             given_acceleration: !rest && !forward && (newton_euler || reads_acceleration),
@@ -108,7 +127,7 @@ impl Steps {
             poses: frames
                 || links
                 || derivatives
-                || dynamics && (newton_euler || mass_matrix || want.has(CY)),
+                || dynamics && (newton_euler || mass_matrix || want.has_any(&BIAS_FORCES)),
             frames,
             frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
                 || is_seen && want.has_any(&[FrameAcc, JdYd]),
@@ -120,6 +139,7 @@ impl Steps {
             conditions,
             derivatives,
             force_derivatives,
+            observes,
         }
     }
 }
@@ -128,13 +148,14 @@ impl Steps {
 fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Level {
     let want = query.want;
     let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-    let derivatives = want.has_any(&needed::DERIVATIVES);
+    let derivatives = want.has_any(&needed::DERIVATIVES) || want.has_any(&needed::OBSERVED);
     let reads_bias =
         derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics
         || derivatives
         || request == Request::Map
         || moving && want.has_any(&VELOCITIES)
+        || want.iter().any(Field::is_of_motors)
         || accelerated
         || want.has_any(&LOOP_JACOBIANS)
         || query.given.has_any(&[U, Ud, Udd]);

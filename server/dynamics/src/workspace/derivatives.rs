@@ -45,6 +45,8 @@ pub(crate) struct Derivatives<T: Real> {
     pub(crate) tau_u: [Vec<T>; 2],
     pub(crate) rest: [Vec<T>; 2],
     pub(crate) ydd_of_tau_u: Vec<T>,
+    /// State of the observer after the request (n_vy).
+    pub(crate) observer: Vec<[T; 3]>,
     /// Displacement and change of the velocity of a frame's body and of its reference by each
     /// independent (n_vy).
     pub(crate) frame: Vec<[Spatial<T>; 2]>,
@@ -170,6 +172,7 @@ impl<T: Real> Derivatives<T> {
             tau_u: [of(n * sizes.n_u), of(n * sizes.n_u)],
             rest: [square(), square()],
             ydd_of_tau_u: of(n * sizes.n_u),
+            observer: vec![[T::ZERO; 3]; n],
             frame: vec![[Spatial::zero(); 2]; n],
             reference: vec![[Spatial::zero(); 2]; n],
         }

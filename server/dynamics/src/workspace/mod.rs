@@ -4,12 +4,14 @@
 
 mod body;
 mod derivatives;
+mod motors;
 mod probe;
 
 use nalgebra::Vector3;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use derivatives::{Column, Derivatives, Moving, Seen, Supported};
+pub(crate) use motors::{MOST_SEGMENTS, MotorScratch};
 pub(crate) use probe::Probe;
 use probe::longest_input;
 
@@ -81,6 +83,8 @@ pub struct Workspace<T: Real> {
     /// Reduced mass matrix and its factor, packed by `Model::sparsity`; reduced bias force (n_vy).
     pub(crate) M_y: Vec<T>,
     pub(crate) C_y: Vec<T>,
+    /// C_y − Gᵀ Σ Jᵀ w, where a field reads it (n_vy).
+    pub(crate) C_net: Vec<T>,
     pub(crate) factor: Vec<T>,
 
     // forces: written by `plan/forces.rs` and `plan/actuation.rs`
@@ -99,6 +103,9 @@ pub struct Workspace<T: Real> {
     pub(crate) kkt: Vec<T>,
     pub(crate) kkt_rhs: Vec<T>,
     pub(crate) kkt_scale: Vec<T>,
+
+    /// Of the fields of actuators, by `plan/motors.rs`.
+    pub(crate) motors: Option<Box<MotorScratch<T>>>,
 
     // rare outputs: conditions, actuator maps, λ, Jacobians
     /// Square dense scratch.
@@ -131,6 +138,8 @@ pub(crate) struct Needs {
     pub(crate) kkt: bool,
     /// Derivatives.
     pub(crate) derivatives: bool,
+    /// Fields of actuators.
+    pub(crate) motors: bool,
 }
 
 impl Needs {
@@ -141,6 +150,7 @@ impl Needs {
             dense: self.dense | other.dense,
             kkt: self.kkt | other.kkt,
             derivatives: self.derivatives | other.derivatives,
+            motors: self.motors | other.motors,
         }
     }
 }
@@ -149,7 +159,8 @@ impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        let needs = Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true };
+        let needs =
+            Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true, motors: true };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
@@ -325,6 +336,8 @@ impl<T: Real> Workspace<T> {
             tau_terms: of(sizes.n_vy),
             M_y: of(packed),
             C_y: of(sizes.n_vy),
+            C_net: of(sizes.n_vy),
+            motors: needs.motors.then(|| Box::new(MotorScratch::new(model))),
             factor: of(packed),
             columns: vec![(none, none); widest],
             inside: vec![(none, none); clusters().map(|c| c.n * c.n_vy).max().unwrap_or(0)],

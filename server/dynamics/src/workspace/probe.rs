@@ -64,7 +64,7 @@ fn moved(x: f64) -> Dd {
 
 /// More numbers than any plan is given.
 pub(crate) fn longest_input<C>(model: &Model<C>) -> usize {
-    let is_input = |field: &&Field| **field <= Field::Wrenches;
+    let is_input = |field: &&Field| **field <= Field::Wrenches || **field == Field::GainsU;
     Field::ALL.iter().filter(is_input).map(|field| numbers(model, field, 0)).sum()
 }
 

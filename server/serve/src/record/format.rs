@@ -26,7 +26,7 @@ pub(super) const SEGMENT: u64 = u64::from_le_bytes(*b"sarrusSG");
 /// Upper half of the first word of a frame.
 pub(super) const FRAME: u32 = u32::from_le_bytes(*b"saFR");
 /// Version of this layout.
-pub(super) const FORMAT: u64 = 6;
+pub(super) const FORMAT: u64 = 7;
 /// Bytes of a word.
 pub(super) const WORD: usize = 8;
 /// Bytes of the header; the robot is padded to a multiple of it.
@@ -38,9 +38,9 @@ pub(super) const SEGMENT_HEAD: usize = 4;
 /// Words before the body of a frame.
 pub(super) const FRAME_HEAD: usize = 4;
 /// Words of a body that has no links, joints or numbers.
-pub(super) const BODY_HEAD: usize = 15;
+pub(super) const BODY_HEAD: usize = 16;
 /// Words of a query that has neither links nor joints.
-pub(super) const QUERY_HEAD: usize = 9;
+pub(super) const QUERY_HEAD: usize = 10;
 /// The most words of a body before its numbers: three lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
     BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
@@ -140,6 +140,7 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
         query.projection_tolerance.0,
         query.options.0,
         join(query.axes, query.relative_to),
+        query.n_directions,
     ];
     let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).chain(runs.chunks(LINKS));
     let links = links.map(packed);
@@ -148,7 +149,19 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[first, given, given_above, want, want_above, open, projection, options, seen, ..] = words
+    let &[
+        first,
+        given,
+        given_above,
+        want,
+        want_above,
+        open,
+        projection,
+        options,
+        seen,
+        n_directions,
+        ..,
+    ] = words
     else {
         return None;
     };
@@ -182,6 +195,7 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
         n_joint_runs: (n_ends / 2) as u32,
         axes,
         relative_to,
+        n_directions,
         ..Query::new(request, given, want).with_frames(&frames)
     };
     query.joints.iter_mut().zip(ends.chunks_exact(2)).for_each(|(run, ends)| {

@@ -9,7 +9,9 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{Loaded, Options, Source, load, texts};
-use sarrus_show::{Chart, Curve, Meshes, Motion, Settings, motion, page};
+use sarrus_show::{
+    Chart, Choices, Curve, Meshes, Motion, Settings, capability, capability_page, motion, page,
+};
 use serde_json::Value;
 
 /// Width and height of windows: a phone, on its side too, a laptop, a large screen.
@@ -515,5 +517,42 @@ fn a_motion_moves_the_robot_with_the_cursor_of_its_curves() {
         assert!(answer["wide"].as_f64().unwrap() <= 0.0 && answer["inside"] == true);
         assert!(answer["painted"].as_f64().unwrap() > 500.0);
         assert_eq!(answer["labelled"], true);
+    }
+}
+
+#[test]
+fn a_map_of_motors_shows_the_numbers_of_its_point_at_every_size() {
+    for (robot, grid) in [("torso", 21), ("lambda", 41), ("stewart", 2)] {
+        let choices = Choices { grid: Some(grid), ..Choices::default() };
+        let maps = capability(&loaded(robot), &choices, &mut |_| {}).unwrap();
+        let text = capability_page(robot, &maps);
+        assert!(!text.contains("https://") && !text.contains("http://"));
+        let script = "
+            const body = element('numbers').tBodies[0];
+            answer.before = [...body.rows].map((row) => row.cells[1].textContent);
+            canvas.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' }));
+            answer.at = state.at;
+            answer.point = map().points[index(state.at)];
+            answer.torque = map().torque_max[index(state.at)];
+            answer.after = [...body.rows].map((row) => row.cells[1].textContent);
+            for (let k = 0; k < quantities().length; k++) { state.quantity = k; draw(); }
+            const drawn = canvas.getContext('2d');
+            const data = drawn.getImageData(0, 0, canvas.width, canvas.height).data;
+            answer.colours = new Set(data).size;
+            answer.wide = document.documentElement.scrollWidth - innerWidth;
+        ";
+        for size in SIZES {
+            let Some(answer) = run_page(&format!("map_{robot}"), &text, script, size, "") else {
+                return;
+            };
+            assert_ne!(answer["before"], answer["after"], "{robot}");
+            let shown: f64 = answer["after"][0].as_str().unwrap().parse().unwrap();
+            assert!((shown - numbers(&answer["point"])[0]).abs() < 1e-4, "{answer}");
+            assert!(answer["colours"].as_u64().unwrap() > 20, "{answer}");
+            assert!(
+                answer["wide"].as_i64().unwrap() <= 0,
+                "{robot} at {size:?} is wider than its window"
+            );
+        }
     }
 }

@@ -66,6 +66,8 @@ pub(crate) struct OnTree {
     /// Velocity of each joint, and its coordinate if it has one freedom.
     joints: Vec<(usize, Option<usize>)>,
     source: Source,
+    /// Its joints are actuators.
+    pub(crate) is_of_motors: bool,
 }
 
 impl OnTree {
@@ -117,7 +119,8 @@ impl OnTree {
                 }
             }
         }
-        Ok(OnTree { joints, source: input.source.clone() })
+        let is_of_motors = input.space == Space::Actuator;
+        Ok(OnTree { joints, source: input.source.clone(), is_of_motors })
     }
 
     /// True where the force depends on where the robot is.

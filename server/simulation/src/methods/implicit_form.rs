@@ -12,7 +12,7 @@ use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::Springs;
 use crate::methods::runge_kutta::four_stages;
-use crate::motion::rates::Mechanism;
+use crate::motion::rates::{Effects, Mechanism};
 use crate::planned::Planned;
 
 /// The right-hand side in x = [q; q̇; work].
@@ -39,7 +39,7 @@ impl<'a> Form<'a> {
         inputs: Vec<OnTree>,
         rate: f64,
     ) -> Result<Form<'a>, SimulationError> {
-        let mechanism = Mechanism::new(model, description, springs, inputs);
+        let mechanism = Mechanism::new(model, description, springs, inputs, Effects::default());
         let links = mechanism.springs.links.clone();
         let frames = if links.is_empty() {
             None

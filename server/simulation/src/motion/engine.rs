@@ -9,7 +9,7 @@ use crate::coordinates::largest;
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
-use crate::motion::rates::{Mechanism, Rates};
+use crate::motion::rates::{Effects, Mechanism, Rates};
 
 /// Farthest that a coordinate of the guess is taken along the tangent `[rad, m]`.
 const REACH: f64 = 0.5;
@@ -108,10 +108,11 @@ impl Engine {
         (description, compiled): (Description, Compiled),
         springs: Springs,
         inputs: Vec<OnTree>,
+        effects: Effects,
         q: &[f64],
     ) -> Result<Engine, SimulationError> {
         let model = &compiled.model;
-        let mechanism = Mechanism::new(model, &description, springs, inputs);
+        let mechanism = Mechanism::new(model, &description, springs, inputs, effects);
         let rates = Rates::new(model.clone(), &mechanism)?;
         let zero = |n: usize| vec![0.0; n];
         let n_v = mechanism.sizes.n_v;

@@ -7,9 +7,10 @@
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays
 //! constant.
 
-use sarrus_dynamics::description::Description;
+use sarrus_dynamics::description::{Description, Friction, Joint};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Model, PlanScalar, Query, Request, Sizes, Status, Warnings, Workspace,
+    Answer, Field, FieldSet, Model, ModelInfo, PlanScalar, Query, QueryOptions, Request, Sizes,
+    Status, Warnings, Workspace,
 };
 
 use crate::coordinates::Coordinates;
@@ -31,7 +32,36 @@ pub(crate) struct Mechanism {
     pub(crate) inputs: Vec<OnTree>,
     /// Velocity and damping of each joint that has some.
     dampers: Vec<(usize, f64)>,
+    /// The effects that the settings ask for.
+    pub(crate) effects: Effects,
+    /// Velocity and friction of each joint that has some, where it counts.
+    frictions: Vec<(usize, Friction)>,
+    /// Velocity of each actuator.
+    actuators: Vec<usize>,
+    stops: Vec<Stop>,
 }
+
+/// Effects that simulations leave out unless they are asked.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Effects {
+    pub(crate) friction: bool,
+    pub(crate) limited: bool,
+    /// Stiffness of stops at the limits of joints.
+    pub(crate) stops: Option<f64>,
+}
+
+/// A stop of a joint of one freedom, by its coordinate and velocity.
+#[derive(Clone, Copy, Debug)]
+struct Stop {
+    q: usize,
+    v: usize,
+    lower: f64,
+    upper: f64,
+}
+
+/// Part of a stop's force that comes with each unit of speed into it `[s/m, s/rad]`: a blow at one
+/// unit leaves with about two thirds of its speed.
+const LOSS: f64 = 0.5;
 
 impl Mechanism {
     pub(crate) fn new<C>(
@@ -39,8 +69,12 @@ impl Mechanism {
         description: &Description,
         springs: Springs,
         inputs: Vec<OnTree>,
+        effects: Effects,
     ) -> Mechanism {
         let place = |name: &String| model.tree_names().iter().position(|of| of == name);
+        let rough =
+            |joint: &&Joint| effects.friction && joint.terms.friction != Friction::default();
+        let rough = description.joints.iter().filter(rough);
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
             sizes: model.sizes(),
@@ -51,17 +85,32 @@ impl Mechanism {
             dampers: damped
                 .filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping)))
                 .collect(),
+            effects,
+            frictions: rough
+                .filter_map(|joint| Some((place(&joint.name)?, joint.terms.friction)))
+                .collect(),
+            actuators: model.active_names().iter().filter_map(place).collect(),
+            stops: if effects.stops.is_some() { stops(model.info()) } else { Vec::new() },
         }
     }
 
     /// True where work is done that has to be followed.
     pub(crate) fn works(&self) -> bool {
-        !self.inputs.is_empty() || !self.dampers.is_empty() || self.springs.have_dampers()
+        !self.inputs.is_empty()
+            || !self.dampers.is_empty()
+            || !self.frictions.is_empty()
+            || !self.stops.is_empty()
+            || self.springs.have_dampers()
     }
 
     /// Power of the inputs less the dampers' losses: τ_q · q̇ − losses.
     pub(crate) fn power<T: PlanScalar>(&self, qd: &[T], tau_q: &[T], loss: T) -> T {
         let given = qd.iter().zip(tau_q).fold(T::ZERO, |sum, (v, tau)| v.mul_add(*tau, sum));
+        let loss = self.frictions.iter().fold(loss, |loss, (v, friction)| {
+            let Friction { coulomb, viscous, speed } = *friction;
+            let dry = T::from_f64(coulomb) * (qd[*v] / T::from_f64(speed)).tanh();
+            (dry + T::from_f64(viscous) * qd[*v]).mul_add(qd[*v], loss)
+        });
         self.dampers
             .iter()
             .fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
@@ -85,8 +134,79 @@ impl Mechanism {
 
     /// True where the forces depend on where the robot is.
     fn feels(&self) -> bool {
-        !self.springs.is_empty() || self.inputs.iter().any(OnTree::is_feedback)
+        let limits = self.effects.limited && self.inputs.iter().any(|input| input.is_of_motors);
+        limits
+            || !self.stops.is_empty()
+            || !self.springs.is_empty()
+            || self.inputs.iter().any(OnTree::is_feedback)
     }
+
+    /// The forces of the inputs on the tree. Calls `cut` with the actuator whose force is kept
+    /// within its limits.
+    pub(crate) fn forces<T: PlanScalar>(
+        &self,
+        model: &Model<T>,
+        t: f64,
+        (q, qd): (&[T], &[T]),
+        tau_q: &mut [T],
+        mut cut: impl FnMut(usize),
+    ) {
+        tau_q.fill(T::ZERO);
+        let of_motors = |input: &&OnTree| input.is_of_motors;
+        self.inputs.iter().filter(of_motors).for_each(|input| input.add(t, q, qd, tau_q));
+        for (u, v) in self.actuators.iter().enumerate().filter(|_| self.effects.limited) {
+            let speed = qd.get(*v).map_or(0.0, |speed| speed.to_f64());
+            let Some(limits) = model.actuator_forces(u, speed) else { continue };
+            let [lower, upper] = limits.map(T::from_f64);
+            let tau = T::select_lt(upper, tau_q[*v], upper, tau_q[*v]);
+            let tau = T::select_lt(tau, lower, lower, tau);
+            if tau != tau_q[*v] {
+                cut(u);
+            }
+            tau_q[*v] = tau;
+        }
+        let others = self.inputs.iter().filter(|input| !input.is_of_motors);
+        others.for_each(|input| input.add(t, q, qd, tau_q));
+        let stiffness = T::from_f64(self.effects.stops.unwrap_or(0.0));
+        for Stop { q: at, v, lower, upper } in &self.stops {
+            // k e (1 + a ė) outwards, and nothing that pulls
+            for (sign, bound) in [(T::ONE, *upper), (-T::ONE, *lower)] {
+                let into = (q[*at] - T::from_f64(bound)) * sign;
+                let grip = T::from_f64(LOSS).mul_add(qd[*v] * sign, T::ONE);
+                if T::ZERO.lt(into) && T::ZERO.lt(grip) {
+                    tau_q[*v] += -(stiffness * into * grip * sign);
+                }
+            }
+        }
+    }
+
+    /// How far each joint with stops is beyond one of them, and how fast it goes there; negative
+    /// before it.
+    pub(crate) fn beyond(&self, q: &[f64], qd: &[f64]) -> Vec<[f64; 2]> {
+        let of = |stop: &Stop| {
+            let [low, high] = [stop.lower - q[stop.q], q[stop.q] - stop.upper];
+            if low > high { [low, -qd[stop.v]] } else { [high, qd[stop.v]] }
+        };
+        self.stops.iter().map(of).collect()
+    }
+
+    /// Tree velocity of the k-th joint with stops.
+    pub(crate) fn stopped(&self, k: usize) -> usize {
+        self.stops[k].v
+    }
+}
+
+/// The joints of one freedom with a finite range.
+fn stops(info: &ModelInfo) -> Vec<Stop> {
+    let joints = info.joints().filter(|joint| joint.v.len() == 1);
+    let stops = joints.filter_map(|joint| {
+        let limits = info.limits.get(joint.v.start).copied().flatten()?;
+        let lower = limits.lower.unwrap_or(f64::NEG_INFINITY);
+        let upper = limits.upper.unwrap_or(f64::INFINITY);
+        let stop = Stop { q: joint.q.start, v: joint.v.start, lower, upper };
+        (lower.is_finite() || upper.is_finite()).then_some(stop)
+    });
+    stops.collect()
 }
 
 /// The right-hand side over one scalar.
@@ -126,6 +246,9 @@ impl<T: PlanScalar> Rates<T> {
         let mut query = Query::new(Request::ForwardDynamics, given.with(TauQ), want);
         if !links.is_empty() {
             query = query.with_wrenches(links);
+        }
+        if mechanism.effects.friction {
+            query = query.with_options(QueryOptions::FRICTION);
         }
         let forward = Planned::new(&model, &query)?;
         let workspace =
@@ -197,12 +320,11 @@ impl<T: PlanScalar> Rates<T> {
             }
             self.forward.give(Field::QGuess, pose.get(Field::Q));
         }
-        self.tau_q.fill(T::ZERO);
         let (q, qd) = self
             .pose
             .as_ref()
             .map_or((&[] as &[T], &[] as &[T]), |pose| (pose.get(Field::Q), pose.get(Field::Qd)));
-        mechanism.inputs.iter().for_each(|input| input.add(t, q, qd, &mut self.tau_q));
+        mechanism.forces(&self.model, t, (q, qd), &mut self.tau_q, |_| {});
         self.pull(mechanism);
         self.forward.give(Field::TauQ, &self.tau_q);
         self.forward.give(Field::Wrenches, &self.wrenches);

@@ -45,6 +45,16 @@ pub enum EventKind {
         /// Distance to it.
         distance: f64,
     },
+    /// An actuator came to its limits.
+    Limited {
+        /// Which.
+        name: String,
+    },
+    /// A joint came to its stop.
+    Stopped {
+        /// Which.
+        name: String,
+    },
     /// The problem is stiff for an explicit method.
     Stiff,
 }

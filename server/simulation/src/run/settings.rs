@@ -88,6 +88,12 @@ pub struct Settings {
     /// Computes in double-double near singular closures and where the robot is ill-conditioned,
     /// which costs some thirty times as much there.
     pub precise: bool,
+    /// Counts the friction of joints.
+    pub friction: bool,
+    /// Keeps the forces of actuators within their limits.
+    pub limited: bool,
+    /// Stiffness of one-sided stops at the limits of joints; none without it `[N m/rad, N/m]`.
+    pub stops: Option<f64>,
     /// Estimates the error by a second simulation with other steps.
     pub estimate: bool,
     /// The most steps and rejected steps.
@@ -108,6 +114,9 @@ impl Settings {
             every: None,
             switching: true,
             precise: true,
+            friction: false,
+            limited: false,
+            stops: None,
             estimate: false,
             most_steps: MOST as u64,
         }
@@ -117,6 +126,18 @@ impl Settings {
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let check = SimulationError::check_setting;
         check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
+        let has_effects = self.friction || self.limited || self.stops.is_some();
+        if self.method.is_implicit_form() && has_effects {
+            return Err(SimulationError::Setting {
+                what: "friction, limits or stops in a method for comparison",
+                found: 1.0,
+                expected: "another method",
+            });
+        }
+        if let Some(stops) = self.stops {
+            let is_stiff = stops > 0.0 && stops.is_finite();
+            check("the stiffness of stops", stops, is_stiff, "a positive number")?;
+        }
         if let Some(step) = self.step {
             check(
                 "the step",

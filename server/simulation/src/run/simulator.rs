@@ -1,5 +1,7 @@
 //! The loop over steps: one attempt after the other, switching of independents, samples.
 
+use std::mem;
+
 use sarrus_dynamics::Status;
 use sarrus_dynamics::scalar::Dd;
 
@@ -12,13 +14,18 @@ use super::switching::{NEAR, Watch};
 use crate::error::SimulationError;
 use crate::methods::{Attempt, Stepper};
 use crate::motion::energy::{Energy, Meter};
-use crate::motion::engine::Engine;
+use crate::motion::engine::{Anchor, Engine};
+use crate::motion::rates::Effects;
 
 /// Distance to singularity below which double precision is not trusted with many digits.
 const DELICATE: f64 = 3e-3;
 /// Attempts after which the time has to have moved on by a part of the duration.
 const STALLED: u64 = 2000;
 const MOVED: f64 = 1e-5;
+/// Depth in a stop that counts as touching it `[rad, m]`, and the shortest step of the search for
+/// it, in parts of the duration.
+const TOUCH: f64 = 1e-9;
+const SHORTEST: f64 = 1e-12;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
@@ -38,6 +45,10 @@ pub(super) struct Simulator<'a> {
     run: Run,
     /// Where the declared independents stand in q and q̇.
     declared: [Vec<usize>; 2],
+    /// When a joint comes to its stop, as far as that is known.
+    contact: Option<f64>,
+    /// Actuators at their limits at the last accepted state.
+    cut: Vec<bool>,
 }
 
 impl<'a> Simulator<'a> {
@@ -50,8 +61,10 @@ impl<'a> Simulator<'a> {
         let model = &setup.compiled.model;
         let start = start.check(model)?;
         let (springs, inputs) = setup.checked()?;
+        let Settings { friction, limited, stops: stiffness, .. } = *settings;
+        let effects = Effects { friction, limited, stops: stiffness };
         let robot = (setup.description.clone(), setup.compiled.clone());
-        let mut engine = Engine::new(robot, springs, inputs, &start.guess)?;
+        let mut engine = Engine::new(robot, springs, inputs, effects, &start.guess)?;
         engine.may_be_precise = settings.precise;
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
@@ -72,6 +85,8 @@ impl<'a> Simulator<'a> {
             run: Run::new(start.correction),
             engine,
             declared: setup.declared(),
+            contact: None,
+            cut: vec![false; model.sizes().n_u],
         })
     }
 
@@ -80,6 +95,7 @@ impl<'a> Simulator<'a> {
         let mut sampled = 0;
         self.look(false)?;
         self.sample()?;
+        self.note_limits();
         let mut attempts = 0;
         let mut in_vain = 0;
         let mut before = 0.0;
@@ -89,27 +105,31 @@ impl<'a> Simulator<'a> {
                 self.run.end = End::TooManySteps;
                 break;
             }
-            if attempts % STALLED == 0 {
-                if !self.settings.method.is_fixed()
-                    && self.t - before < MOVED * end
-                    && !self.look(true)?
-                {
-                    self.run.end = End::StepTooShort;
-                    break;
-                }
-                before = self.t;
+            if attempts % STALLED == 0 && self.stalls(mem::replace(&mut before, self.t))? {
+                self.run.end = End::StepTooShort;
+                break;
             }
             let next_sample = self.settings.sample_after(sampled);
             // near a singularity a step may turn out to be none
             let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
-            let kept = near.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
-            let forced = self.engine.mechanism.next_kink(self.t).min(next_sample);
+            let keeps = near || self.settings.stops.is_some();
+            let kept = keeps.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
+            let contact = self.contact.take().unwrap_or(f64::INFINITY);
+            let forced = self.engine.mechanism.next_kink(self.t).min(next_sample).min(contact);
             let limit = self.stops.after(self.t, forced);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
                 Attempt::Done => {
+                    if let Some((t, x, anchor)) = &kept
+                        && let Some(time) = self.first_contact(*t, anchor)
+                    {
+                        (self.t, self.x, self.engine.anchor) = (*t, x.clone(), anchor.clone());
+                        self.stepper.restart();
+                        self.contact = Some(time);
+                        continue;
+                    }
                     if let Some((t, x, anchor)) =
-                        kept.filter(|(.., anchor)| self.engine.jumped(anchor))
+                        kept.filter(|(.., anchor)| near && self.engine.jumped(anchor))
                     {
                         (self.t, self.x, self.engine.anchor) = (t, x, anchor);
                         self.stepper.restart();
@@ -127,6 +147,7 @@ impl<'a> Simulator<'a> {
                     if self.engine.counts.failed > failed {
                         self.note_failure();
                     }
+                    self.note_limits();
                     self.look(false)?;
                     if self.settings.every.is_none() || self.t >= next_sample {
                         sampled += u64::from(self.settings.every.is_some());
@@ -148,6 +169,12 @@ impl<'a> Simulator<'a> {
         }
         self.finish()?;
         Ok(self.run)
+    }
+
+    /// True if the time stands still since `before` with any independents.
+    fn stalls(&mut self, before: f64) -> Result<bool, SimulationError> {
+        let moves = self.t - before >= MOVED * self.settings.duration;
+        Ok(!moves && !self.settings.method.is_fixed() && !self.look(true)?)
     }
 
     /// Samples the end and notes events, counts and independents of the run.
@@ -176,6 +203,65 @@ impl<'a> Simulator<'a> {
         if self.run.events.last().is_none_or(|event| event.kind != kind) {
             self.run.events.push(Event { time: self.t, kind });
         }
+    }
+
+    /// The time within the last step, from t and a state, at which a joint first comes to its stop,
+    /// unless the step ends there; then an event tells of it.
+    fn first_contact(&mut self, t: f64, from: &Anchor) -> Option<f64> {
+        let Engine { mechanism, anchor, compiled, .. } = &self.engine;
+        let before = mechanism.beyond(&from.q, &from.qd);
+        let after = mechanism.beyond(&anchor.q, &anchor.qd);
+        let step = self.t - t;
+        let mut first: Option<f64> = None;
+        for (k, ([e0, v0], [e1, v1])) in before.into_iter().zip(after).enumerate() {
+            if e0 > 0.0 || e1 <= 0.0 {
+                continue;
+            }
+            // it touches at one end of the step
+            let touches = [-e0 <= TOUCH, e1 <= TOUCH || step < self.settings.duration * SHORTEST];
+            if touches != [false; 2] {
+                let name = compiled.model.tree_names()[mechanism.stopped(k)].clone();
+                let time = if touches[0] { t } else { self.t };
+                self.run.events.push(Event { time, kind: EventKind::Stopped { name } });
+                continue;
+            }
+            // the root of the cubic through both ends, by bisection
+            let at = |s: f64| {
+                let [a, b] = [step * v0, step * v1];
+                let (square, rest) = (s * s, 1.0 - s);
+                rest * rest * ((1.0 + 2.0 * s) * e0 + s * a)
+                    + square * ((3.0 - 2.0 * s) * e1 - rest * b)
+            };
+            let mut ends = [0.0, 1.0];
+            for _ in 0..60 {
+                let middle = 0.5 * (ends[0] + ends[1]);
+                ends[usize::from(at(middle) > 0.0)] = middle;
+            }
+            let time = t + step * ends[1];
+            first = Some(first.map_or(time, |first| first.min(time)));
+        }
+        // a step that is no shorter would be the same
+        first.filter(|time| *time > t && *time < self.t)
+    }
+
+    /// An event for each actuator that has come to its limits since the last accepted state.
+    fn note_limits(&mut self) {
+        if !self.settings.limited {
+            return;
+        }
+        let Engine { compiled, mechanism, anchor, .. } = &self.engine;
+        let model = &compiled.model;
+        let mut now = vec![false; self.cut.len()];
+        let mut tau_q = vec![0.0; mechanism.sizes.n_v];
+        let state = (anchor.q.as_slice(), anchor.qd.as_slice());
+        mechanism.forces(model, self.t, state, &mut tau_q, |u| now[u] = true);
+        for (u, name) in model.active_names().iter().enumerate() {
+            if now[u] && !self.cut[u] {
+                let kind = EventKind::Limited { name: name.clone() };
+                self.run.events.push(Event { time: self.t, kind });
+            }
+        }
+        self.cut = now;
     }
 
     /// Distance to singularity, where it is watched.

@@ -156,8 +156,14 @@ fn with_independents(
     }
     let springs = engine.mechanism.springs.clone();
     let inputs = engine.mechanism.inputs.clone();
-    let mut next = Engine::new((description, compiled), springs, inputs, &engine.anchor.q)
-        .map_err(|error| error.to_string())?;
+    let mut next = Engine::new(
+        (description, compiled),
+        springs,
+        inputs,
+        engine.mechanism.effects,
+        &engine.anchor.q,
+    )
+    .map_err(|error| error.to_string())?;
     next.counts = engine.counts;
     (next.anchor.t, next.anchor.qd) = (engine.anchor.t, engine.anchor.qd.clone());
     // y and ẏ are among q and q̇

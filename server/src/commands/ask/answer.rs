@@ -1,6 +1,6 @@
 //! One line out.
 
-use sarrus_client::{Answer, Field, Layout, ModelInfo, Query, Status};
+use sarrus_client::{Answer, Field, Layout, ModelInfo, Query, Status, Warnings};
 use sarrus_proto::{Rows, Slot};
 use serde::Serialize;
 
@@ -75,7 +75,27 @@ pub(super) fn answer(
             }
         }
     }
+    if answer.warnings.contains(Warnings::NO_LIMIT) {
+        key(out, "no_limit", false);
+        write(out, &without_limit(model, &asked.query));
+    }
     foot(out, remark);
+}
+
+/// The actuators without a limit that the wanted fields read.
+fn without_limit<'a>(model: &'a ModelInfo, query: &Query) -> Vec<&'a String> {
+    let wants_force =
+        query.want.iter().any(|field| field.is_of_motors() && field != Field::SpeedVertices);
+    let has = |limit: Option<f64>| limit.is_some_and(|limit| limit > 0.0);
+    let is_limited = |name: &&String| {
+        let at = model.tree.iter().position(|joint| joint == *name);
+        let limits = at.and_then(|v| model.limits.get(v).copied().flatten());
+        limits.is_some_and(|limits| {
+            (has(limits.effort) || !wants_force)
+                && (has(limits.velocity) || !query.want.has(Field::SpeedVertices))
+        })
+    };
+    model.active.iter().filter(|name| !is_limited(name)).collect()
 }
 
 fn head(out: &mut Vec<u8>, status: Status, warnings: &[&str]) {
@@ -133,6 +153,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::CondGu
         | Field::CondMy
         | Field::SigmaMin
+        | Field::Margin
         | Field::Projection => {
             numbers.iter().for_each(|x| number(out, x));
         }
@@ -143,6 +164,32 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
         Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
         Field::Limits => write(out, &exceeded(numbers, model, &Rows::of(query, model).v)),
+        // a set of vertices has no others behind the first that is missing
+        field if field.has_vertex_rows() => {
+            let is_there = |row: &&[f64]| row.iter().all(|x| !x.is_nan());
+            match numbers.chunks_exact(slot.columns.max(1)).take_while(is_there).count() {
+                0 => null(out),
+                n => rows(out, n, slot.columns, numbers),
+            }
+        }
+        Field::Binding | Field::Clip | Field::ClipNearest if numbers.iter().any(|x| x.is_nan()) => {
+            null(out)
+        }
+        Field::Binding => list(out, chosen(numbers, &model.active), write),
+        Field::GainsY => {
+            let n = slot.columns / 2;
+            let row = |k: usize| numbers.get(k * slot.columns..).unwrap_or_default();
+            out.push(b'{');
+            for (name, range) in [("stiffness", 0..n), ("damping", n..2 * n)] {
+                key(out, name, range.start == 0);
+                list(out, 0..slot.rows, |out, k| {
+                    list(out, row(k).get(range.clone()).unwrap_or_default(), number);
+                });
+            }
+            key(out, "force", false);
+            list(out, (0..slot.rows).filter_map(|k| row(k).get(2 * n)), number);
+            out.push(b'}');
+        }
         Field::Energy => {
             out.push(b'{');
             for (k, (name, x)) in ["kinetic", "potential"].iter().zip(numbers).enumerate() {
@@ -157,7 +204,10 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::MY
         | Field::ComJacobian
         | Field::Centroidal
-        | Field::JdYd => rows(out, slot.rows, slot.columns, numbers),
+        | Field::JdYd
+        | Field::ReflectedInertia
+        | Field::ReflectedDamping
+        | Field::Observer => rows(out, slot.rows, slot.columns, numbers),
         field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }

@@ -93,11 +93,12 @@ fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-const REQUESTS: Choices<Request, 4> = [
+const REQUESTS: Choices<Request, 5> = [
     (Request::Kinematics, "kinematics", "Positions, velocities, accelerations, closures, frames"),
     (Request::InverseDynamics, "inverse-dynamics", "Motion to forces"),
     (Request::ForwardDynamics, "forward-dynamics", "Forces to motion"),
     (Request::Map, "map", "One space to another"),
+    (Request::Observe, "observe", "Motion and actuator forces to forces from outside"),
 ];
 
 impl Ask {

@@ -1,5 +1,7 @@
 //! Reads a line: its inputs and its wanted outputs, or the reason why it is invalid.
 
+use std::iter;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use sarrus_client::{
@@ -7,13 +9,13 @@ use sarrus_client::{
 };
 use sarrus_models::{matching_joints, nearest_first};
 
-use sarrus_proto::Tolerance;
+use sarrus_proto::{MAX_DIRECTIONS, Tolerance};
 
 use super::json::{Fault, Value};
 use super::request::{Asked, Given, INPUTS, Output, Problem};
 
 /// More than there are keys of a line or names of outputs.
-const MOST: usize = 64;
+const MOST: usize = 128;
 
 /// Reads a line for one kind of request on one model; without one the line names its own.
 pub(super) fn read(
@@ -38,6 +40,7 @@ pub(super) fn read(
         options: QueryOptions::NONE,
         axes: Axes::Mixed,
         relative_to: None,
+        directions: None,
         deadline: None,
         given: Vec::new(),
         doubt: None,
@@ -53,15 +56,6 @@ fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
     let number = value.number().filter(|x| *x >= 0.0);
     let number = number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))?;
     Ok(Tolerance::new(number))
-}
-
-/// The option of a query that searches, or none.
-fn search(value: Value<'_>) -> Result<QueryOptions, Problem> {
-    match value.boolean() {
-        Some(true) => Ok(QueryOptions::SEARCH),
-        Some(false) => Ok(QueryOptions::NONE),
-        None => Err(value.is_no("search as true or false")),
-    }
 }
 
 /// The axes of frames.
@@ -92,6 +86,7 @@ struct Reader<'a> {
     options: QueryOptions,
     axes: Axes,
     relative_to: Option<u16>,
+    directions: Option<usize>,
     deadline: Option<Duration>,
     given: Vec<Given>,
     doubt: Option<Problem>,
@@ -111,8 +106,31 @@ impl Reader<'_> {
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
             "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
             "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
-            "search" => self.options = search(value)?,
+            "search" => self.option("search", QueryOptions::SEARCH, value)?,
+            "friction" => self.option("friction", QueryOptions::FRICTION, value)?,
             "axes" => self.axes = axes(value)?,
+            "dt" | "gain" => {
+                let expected = format!("{name} as a number from 0 on");
+                let number = value.number().filter(|x| *x >= 0.0);
+                let numbers = vec![number.ok_or_else(|| value.is_no(&expected))?];
+                let field = if name == "dt" { Field::Dt } else { Field::Gain };
+                self.given.push(Given { field, numbers, offset: key.offset });
+            }
+            "observer" => {
+                let n = self.model.sizes.n_vy;
+                let numbers = self.read_rows("a row of the observer", value, n..=n, 3)?;
+                self.given.push(Given { field: Field::Observer, numbers, offset: key.offset });
+            }
+            "directions" => {
+                let n = self.model.sizes.n_vy;
+                let numbers = self.read_rows("a direction", value, 1..=MAX_DIRECTIONS, n)?;
+                self.directions = Some(numbers.len() / self.model.sizes.n_vy.max(1));
+                self.given.push(Given { field: Field::Directions, numbers, offset: key.offset });
+            }
+            "gains_u" => {
+                let numbers = self.read_gains(value)?;
+                self.given.push(Given { field: Field::GainsU, numbers, offset: key.offset });
+            }
             "relative_to" => {
                 let expected = "relative_to as the name of a link";
                 let name = value.string().ok_or_else(|| value.is_no(expected))?;
@@ -128,8 +146,9 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, frames, joints, want, loop_tolerance, projection_tolerance, \
-                         axes, relative_to, search, deadline_us",
+                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, \
+                         want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
+                         friction, deadline_us",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -140,6 +159,20 @@ impl Reader<'_> {
             },
         }
         self.keys.push((name, key.offset));
+        Ok(())
+    }
+
+    /// Adds an option of queries where it is true.
+    fn option(
+        &mut self,
+        name: &str,
+        option: QueryOptions,
+        value: Value<'_>,
+    ) -> Result<(), Problem> {
+        let expected = || value.is_no(&format!("{name} as true or false"));
+        if value.boolean().ok_or_else(expected)? {
+            self.options = self.options.with(option);
+        }
         Ok(())
     }
 
@@ -231,6 +264,52 @@ impl Reader<'_> {
         Ok(wrenches)
     }
 
+    /// Rows of `n` numbers, one after the other.
+    fn read_rows(
+        &mut self,
+        what: &str,
+        value: Value<'_>,
+        count: RangeInclusive<usize>,
+        n: usize,
+    ) -> Result<Vec<f64>, Problem> {
+        let mut listed = Vec::new();
+        let is_list = value.items(|item| {
+            listed.push(item);
+            listed.len() <= *count.end()
+        });
+        if is_list.is_none() || !count.contains(&listed.len()) {
+            let times = match count.start() == count.end() {
+                true => count.end().to_string(),
+                false => format!("{} to {}", count.start(), count.end()),
+            };
+            let row = vec!["0"; n.min(3)].join(",");
+            let expected = format!("{times} times {what} of {n} numbers such as [[{row}]]");
+            return Err(value.is_no(&expected));
+        }
+        let mut numbers = Vec::new();
+        for item in listed {
+            let row = self.numbers(what, item, n)?;
+            numbers.extend(row.into_iter().chain(iter::repeat(0.0)).take(n));
+        }
+        Ok(numbers)
+    }
+
+    /// Stiffness and damping of each actuator.
+    fn read_gains(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
+        let expected = "gains_u as an object such as {\"stiffness\": [100], \"damping\": [5]}";
+        let n = self.model.sizes.n_u;
+        let mut numbers = vec![0.0; 2 * n];
+        for (key, value) in value.members(2).ok_or_else(|| value.is_no(expected))? {
+            let name = key.string().unwrap_or_default();
+            let names = ["stiffness", "damping"];
+            let at = names.iter().position(|known| *known == name);
+            let at = at.ok_or_else(|| key.is_no(expected))?;
+            let gains = self.numbers(&name, value, n)?;
+            numbers.iter_mut().skip(at).step_by(2).zip(gains).for_each(|(to, gain)| *to = gain);
+        }
+        Ok(numbers)
+    }
+
     fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
         let n = self.model.links.len();
         self.model.link(name).ok_or_else(|| {
@@ -291,6 +370,9 @@ impl Reader<'_> {
         let key = |name: &str| {
             self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
         };
+        if let Some(count) = self.directions {
+            query = query.with_directions(count);
+        }
         query.check(self.model).map_err(|error| {
             let offset = match error {
                 QueryError::NotAnInput(field) => key(field.name()),

@@ -56,6 +56,15 @@ pub(crate) struct Simulate {
     /// Never computes in double-double near singularities.
     #[arg(long)]
     no_precise: bool,
+    /// Counts the friction of joints.
+    #[arg(long)]
+    friction: bool,
+    /// Keeps the forces of actuators within their limits, and says when one is reached.
+    #[arg(long)]
+    limits: bool,
+    /// Stiff one-sided stops at the limits of joints, N m/rad or N/m.
+    #[arg(long, value_name = "STIFFNESS")]
+    stops: Option<f64>,
     /// Simulates once more with other steps to estimate the error.
     #[arg(long)]
     estimate: bool,
@@ -156,6 +165,9 @@ impl Simulate {
             every: Some(self.every.unwrap_or(every)),
             switching: !self.no_switching,
             precise: !self.no_precise,
+            friction: self.friction,
+            limited: self.limits,
+            stops: self.stops,
             estimate: self.estimate,
             ..Settings::new(method, self.duration)
         }

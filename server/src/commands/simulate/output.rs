@@ -197,6 +197,8 @@ fn words(kind: &EventKind) -> String {
         EventKind::NearSingular { distance } => {
             format!("ended near a singularity (distance {distance:.2e})")
         }
+        EventKind::Limited { name } => format!("{name} gives what its limits allow"),
+        EventKind::Stopped { name } => format!("{name} came to its stop"),
         EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
         other => format!("{other:?}"),
     }

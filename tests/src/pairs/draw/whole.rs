@@ -57,6 +57,7 @@ pub(super) fn springs(of: &mut Description, seeded: &mut Seeded, length: f64) {
                     rest: number(3.0) * unit,
                     rotor_inertia: number(0.01 * size),
                     gear_ratio: 1.0 + number(20.0),
+                    ..Terms::default()
                 };
             }
             JointKind::Spherical if seeded.chance(0.5) => {
@@ -131,6 +132,7 @@ pub(super) fn on_base(of: &mut Description, kind: JointKind, seeded: &mut Seeded
         limits: None,
         coupling: None::<Coupling>,
         terms: Terms::default(),
+        motor: None,
     });
     if kind != JointKind::Fixed {
         let joint = of.joints.len() - 1;

@@ -122,7 +122,9 @@ impl Plan {
                 let x = x.to_f64();
                 let y = y.to_f64();
                 // a condition may be infinite
-                let distance = if x == y { 0.0 } else { (x - y).abs() };
+                let is_alike = x == y || x.is_nan() && y.is_nan() && slot.field.is_of_motors();
+                let distance = if is_alike { 0.0 } else { (x - y).abs() };
+                let x = if is_alike && x.is_nan() { 0.0 } else { x };
                 (size, apart) = (larger(size, x.abs()), larger(apart, distance));
             }
             // of nothing, rounding is all there is

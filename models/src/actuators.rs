@@ -1,0 +1,248 @@
+//! `actuators:` of a submechanism file: motors as their makers describe them.
+
+use sarrus_dynamics::description::{JointKind, Limits, Motor, Terms};
+
+use crate::report::{Diagnostics, quoted};
+use crate::urdf::Urdf;
+use crate::yaml::{Node, Value, keys, list, missing, number, numbers, word, words};
+
+const OF: &str = "an actuator";
+const KEYS: &[&str] = &[
+    "joint",
+    "joints",
+    "model",
+    "peak_torque",
+    "continuous_torque",
+    "max_speed",
+    "torque_speed",
+    "braking_torque_speed",
+    "power",
+    "stroke",
+    "rotor_inertia",
+    "gear_ratio",
+    "efficiency",
+    "friction",
+];
+const FRICTION: &[&str] = &["coulomb", "viscous", "speed"];
+
+/// A motor that its maker or its users have published, by the numbers at its joint: torque up to
+/// the first speed along the motion and against it `[N m]`, both falling in a straight line to zero
+/// at the second `[rad/s]`; dry and viscous friction `[N m, N m s/rad]`; armature `[kg m²]`, zero
+/// where it is not known.
+pub struct Published {
+    /// Its name as `model` of an actuator.
+    pub name: &'static str,
+    /// Where it is used.
+    pub about: &'static str,
+    speeds: [f64; 2],
+    torques: [f64; 2],
+    friction: [f64; 2],
+    armature: f64,
+}
+
+macro_rules! published {
+    ($($name:literal $about:literal $speeds:expr, $torques:expr, $friction:expr,
+        $armature:expr;)*) => {
+        /// Published motors; the README of this crate names the sources.
+        pub const PUBLISHED: &[Published] = &[$(Published {
+            name: $name,
+            about: $about,
+            speeds: $speeds,
+            torques: $torques,
+            friction: $friction,
+            armature: $armature,
+        }),*];
+    };
+}
+
+published! {
+    "N5020-16" "Unitree G1: ankles, arms" [30.86, 40.13], [24.8, 31.9], [0.6, 0.06], 0.003609725;
+    "N7520-14.3" "Unitree G1: hips" [22.63, 35.52], [71.0, 83.3], [1.6, 0.16], 0.01017752;
+    "N7520-22.5" "Unitree G1: knees" [14.5, 22.7], [111.0, 131.0], [2.4, 0.24], 0.025101925;
+    "W4010-25" "Unitree G1: wrists" [15.3, 24.76], [4.8, 8.6], [0.6, 0.06], 0.00425;
+    "N5010-16" "Unitree" [27.0, 41.5], [9.5, 17.0], [0.0, 0.0], 0.0021812;
+    "Go2HV" "Unitree Go2" [13.5, 30.0], [20.2, 23.4], [0.0, 0.0], 0.0;
+    "M107-15" "Unitree H1" [14.0, 25.6], [150.0, 182.8], [0.0, 0.0], 0.063259741;
+    "M107-24" "Unitree H1" [8.8, 16.0], [240.0, 292.5], [0.0, 0.0], 0.160478022;
+    "XM430" "ToddlerBot" [4.22, 10.0], [1.86, 1.86], [0.0, 0.0], 0.0;
+    "XC330" "ToddlerBot" [3.29, 10.0], [0.99, 0.99], [0.0, 0.0], 0.0;
+    "2XC430" "ToddlerBot" [2.84, 10.0], [1.74, 1.74], [0.0, 0.0], 0.0;
+}
+
+/// Reads the actuators of a file into the joints of the robot.
+pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) {
+    let mut seen: Vec<String> = Vec::new();
+    for node in list(root, "actuators", diagnostics) {
+        if !keys(node, OF, KEYS, diagnostics) {
+            continue;
+        }
+        let mut joints = words(node, "joints", diagnostics).unwrap_or_default();
+        joints.extend(word(node, "joint", diagnostics));
+        if node.get("joint").is_none() && node.get("joints").is_none() {
+            missing(node, OF, "joint", "the joint that it moves", diagnostics);
+        }
+        for (name, span) in joints {
+            let kind = urdf.joint_index.get(&name).and_then(|j| urdf.joints.get(*j)?.kind);
+            let moves = matches!(
+                kind,
+                Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic)
+            );
+            if !moves || seen.contains(&name) {
+                let found =
+                    format!("{} is no joint of one freedom without an actuator", quoted(&name));
+                let help = "correct the name, or remove one of the actuators";
+                diagnostics.error(span, found, "a joint of the URDF, once", help);
+                continue;
+            }
+            if let Some(joint) = urdf.joint_index.get(&name).and_then(|j| urdf.joints.get_mut(*j)) {
+                let none = Limits {
+                    lower: f64::NEG_INFINITY,
+                    upper: f64::INFINITY,
+                    velocity: f64::INFINITY,
+                    effort: f64::INFINITY,
+                };
+                let mut limits = joint.limits.unwrap_or(none);
+                actuator(node, (&mut limits, &mut joint.terms, &mut joint.motor), diagnostics);
+                joint.limits = Some(limits);
+            }
+            seen.push(name);
+        }
+    }
+}
+
+/// One actuator at its joint: its model first, then the keys that say otherwise.
+fn actuator(
+    node: &Node,
+    (limits, terms, motor): (&mut Limits, &mut Terms, &mut Option<Motor>),
+    diagnostics: &mut Diagnostics,
+) {
+    let mut own = Motor {
+        continuous: f64::INFINITY,
+        driving: Vec::new(),
+        braking: Vec::new(),
+        power: f64::INFINITY,
+        efficiency: [1.0; 2],
+    };
+    model(node, (limits, terms, &mut own), diagnostics);
+    let mut positive = |node: &Node, key: &str, to: &mut f64, may_be_zero: bool| {
+        let Some(item) = node.get(key) else { return };
+        let Some(x) = number(item, key, diagnostics) else { return };
+        if x > 0.0 || may_be_zero && x == 0.0 {
+            *to = x;
+        } else {
+            let found = format!("`{key}` is {x}");
+            diagnostics.error(item.span, found, "a positive number", "correct the value");
+        }
+    };
+    positive(node, "peak_torque", &mut limits.effort, false);
+    positive(node, "continuous_torque", &mut own.continuous, false);
+    positive(node, "max_speed", &mut limits.velocity, false);
+    positive(node, "power", &mut own.power, false);
+    positive(node, "rotor_inertia", &mut terms.rotor_inertia, true);
+    if let Some(friction) = node.get("friction") {
+        positive(friction, "coulomb", &mut terms.friction.coulomb, true);
+        positive(friction, "viscous", &mut terms.friction.viscous, true);
+        positive(friction, "speed", &mut terms.friction.speed, false);
+        keys(friction, "friction", FRICTION, diagnostics);
+    }
+    if let Some(item) = node.get("gear_ratio") {
+        terms.gear_ratio = number(item, "gear_ratio", diagnostics).unwrap_or(1.0);
+    }
+    if let Some([lower, upper]) = numbers::<2>(node, OF, "stroke", diagnostics) {
+        (limits.lower, limits.upper) = (limits.lower.max(lower), limits.upper.min(upper));
+    }
+    if let Some(efficiency) = numbers::<2>(node, OF, "efficiency", diagnostics) {
+        own.efficiency = efficiency;
+        if !efficiency.iter().all(|x| *x > 0.0 && *x <= 1.0) {
+            let span = node.get("efficiency").map_or(node.span, |item| item.span);
+            let found = format!("the efficiencies are {efficiency:?}");
+            let expected = "two numbers above 0, at most 1: of the motor driving, and driven";
+            diagnostics.error(span, found, expected, "correct the list");
+        }
+    }
+    for (key, to) in
+        [("torque_speed", &mut own.driving), ("braking_torque_speed", &mut own.braking)]
+    {
+        if node.get(key).is_some() {
+            *to = curve(node, key, diagnostics);
+        }
+    }
+    if node.get("torque_speed").is_some() && node.get("braking_torque_speed").is_none() {
+        own.braking.clear();
+    }
+    // a curve ends at the largest speed, and its highest point is the peak
+    if limits.effort.is_infinite() || node.get("peak_torque").is_none() {
+        let points = own.driving.iter().chain(&own.braking);
+        let peak = points.fold(0.0_f64, |most, [_, torque]| most.max(*torque));
+        limits.effort = if peak > 0.0 { peak } else { limits.effort };
+    }
+    if let Some([speed, torque]) = own.driving.last()
+        && *torque == 0.0
+        && node.get("max_speed").is_none()
+    {
+        limits.velocity = *speed;
+    }
+    *motor = Some(own);
+}
+
+/// The numbers of a published motor, if one is named.
+fn model(
+    node: &Node,
+    (limits, terms, own): (&mut Limits, &mut Terms, &mut Motor),
+    diagnostics: &mut Diagnostics,
+) {
+    let Some((name, span)) = word(node, "model", diagnostics) else { return };
+    let Some(known) = PUBLISHED.iter().find(|known| known.name == name) else {
+        let names = PUBLISHED.iter().map(|known| known.name);
+        let found = format!("the motor {} is not known", quoted(&name));
+        let expected = names.clone().collect::<Vec<_>>().join(", ");
+        return diagnostics.unknown(
+            span,
+            found,
+            expected,
+            &name,
+            names,
+            "write its numbers instead",
+        );
+    };
+    let [until, end] = known.speeds;
+    [own.driving, own.braking] = known.torques.map(|torque| vec![[until, torque], [end, 0.0]]);
+    limits.effort = known.torques[0].max(known.torques[1]);
+    limits.velocity = end;
+    [terms.friction.coulomb, terms.friction.viscous] = known.friction;
+    if known.armature > 0.0 {
+        (terms.rotor_inertia, terms.gear_ratio) = (known.armature, 1.0);
+    }
+}
+
+/// Points (speed, torque) by ascending speed.
+fn curve(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    for item in list(node, key, diagnostics) {
+        let Value::List(pair) = &item.value else {
+            diagnostics.error(
+                item.span,
+                item.describe(),
+                "a point [speed, torque]",
+                "write a list",
+            );
+            continue;
+        };
+        let pair: Vec<f64> = pair.iter().filter_map(|x| number(x, key, diagnostics)).collect();
+        match pair[..] {
+            [speed, torque]
+                if speed >= 0.0
+                    && torque >= 0.0
+                    && points.last().is_none_or(|before| before[0] < speed) =>
+            {
+                points.push([speed, torque]);
+            }
+            _ => {
+                let found = format!("the point {pair:?} of `{key}`");
+                let expected = "[speed, torque], not negative, each at a higher speed";
+                diagnostics.error(item.span, found, expected, "correct the point");
+            }
+        }
+    }
+    points
+}

@@ -1,0 +1,206 @@
+//! Actuators of model files: published motors, limits over speed, friction, stops, and simulations
+//! with them.
+
+use sarrus_dynamics::scalar::{Dd, Real};
+use sarrus_dynamics::{Field, QueryOptions, Request};
+use sarrus_models::{Options, Source, load};
+use sarrus_simulation::{
+    EventKind, Input, Method, Settings, Setup, Source as Force, Space, Start, simulate,
+};
+use sarrus_tests::compare::assert_close;
+use sarrus_tests::run::Robot;
+
+use crate::motors::query;
+
+use Field::*;
+
+/// A pendulum with a motor, by the text of its files.
+fn driven(actuator: &str) -> sarrus_models::Loaded {
+    let urdf = r#"<robot name="arm"><link name="base"/><link name="bob"><inertial>
+        <origin xyz="0 0 -0.5"/><mass value="2"/>
+        <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+        <joint name="pivot" type="revolute"><parent link="base"/><child link="bob"/>
+        <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="20"/></joint></robot>"#;
+    let yml = format!(
+        "submechanisms:\n- {{type: 1R, contextual_name: arm, jointnames_spanningtree: [pivot], \
+         jointnames_independent: [pivot], jointnames_active: [pivot]}}\nactuators:\n- joint: pivot\n{actuator}"
+    );
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yml.into_bytes()) };
+    load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn a_published_motor_gives_less_the_faster_it_turns_and_more_where_it_brakes() {
+    let loaded = driven("  model: N5020-16\n");
+    let mut robot = Robot::new(loaded.compiled.model);
+    let d = [1.0, -1.0];
+    for (speed, along, against) in [
+        (0.0, 31.9, 31.9),
+        (20.0, 24.8, 31.9),
+        (30.86, 24.8, 31.9),
+        (35.495, 12.4, 15.95),
+        (40.13, 0.0, 0.0),
+        (60.0, 0.0, 0.0),
+    ] {
+        for sign in [1.0, -1.0] {
+            let given: [(Field, &[f64]); 3] =
+                [(Y, &[0.3]), (Yd, &[sign * speed]), (Directions, &d)];
+            let base = query(Request::Kinematics, &[TorqueSupport]).with_directions(2);
+            let x = robot.ask_for(base, &given).ok();
+            let found = if sign > 0.0 { [0, 1] } else { [1, 0] }.map(|k| x.get(TorqueSupport)[k]);
+            if speed > 0.0 {
+                assert_close("forces", &found, &[along, against], 1.0, 1e-12);
+            }
+        }
+    }
+    let x = robot.ask(Request::Kinematics, &[(Y, &[0.3])], &[ReflectedInertia]).ok();
+    assert_eq!(x.get(ReflectedInertia), [0.003609725]);
+}
+
+#[test]
+fn numbers_of_an_actuator_come_before_those_of_its_model_and_of_the_urdf() {
+    let loaded = driven(
+        "  peak_torque: 10\n  max_speed: 5\n  power: 20\n  stroke: [-1, 4]\n  efficiency: [0.8, 0.5]\n  \
+         rotor_inertia: 1e-4\n  gear_ratio: 10\n  friction: {coulomb: 0.5, viscous: 0.1, speed: 0.2}\n",
+    );
+    let joint = &loaded.description.joints[0];
+    let limits = joint.limits.unwrap();
+    assert_eq!(
+        [limits.lower, limits.upper, limits.velocity, limits.effort],
+        [-1.0, 3.0, 5.0, 10.0]
+    );
+    let model = loaded.compiled.model;
+    assert_eq!(model.actuator_forces(0, 1.0), Some([-20.0, 8.0]));
+    assert_eq!(model.actuator_forces(0, -4.0), Some([-4.0, 20.0]));
+    let mut robot = Robot::new(model);
+    let given: [(Field, &[f64]); 3] = [(Y, &[0.3]), (Yd, &[0.7]), (Ydd, &[-2.0])];
+    let plain = robot.ask(Request::InverseDynamics, &given, &[TauU, CY]).ok();
+    let base = query(Request::InverseDynamics, &[TauU, CY]).with_options(QueryOptions::FRICTION);
+    let rough = robot.ask_for(base, &given).ok();
+    let expected = 0.5 * (0.7_f64 / 0.2).tanh() + 0.1 * 0.7;
+    for field in [TauU, CY] {
+        let found = rough.get(field)[0] - plain.get(field)[0];
+        assert!((found - expected).abs() < 1e-14 * 10.0, "{found} {expected}");
+    }
+    let base = query(Request::ForwardDynamics, &[Ydd]).with_options(QueryOptions::FRICTION);
+    let given: [(Field, &[f64]); 3] = [(Y, &[0.3]), (Yd, &[0.7]), (TauU, rough.get(TauU))];
+    let back = robot.ask_for(base, &given).ok();
+    assert_close("ÿ with friction", back.get(Ydd), &[-2.0], 1.0, 1e-13);
+}
+
+#[test]
+fn faults_of_actuators_have_their_place_and_remedy() {
+    let fault = |text: &str| {
+        let caught = std::panic::catch_unwind(|| driven(text)).err().unwrap();
+        caught.downcast_ref::<String>().unwrap().clone()
+    };
+    for (text, word) in [
+        ("  model: N5020\n", "N5020-16"),
+        ("  peak_torque: -1\n", "peak_torque"),
+        ("  torque_speed: [[1, 2], [0, 1]]\n", "higher speed"),
+        ("  efficiency: [1.2, 1]\n", "efficiencies"),
+        ("  torque: 1\n", "not known"),
+        ("- joint: pivot\n", "once"),
+        ("- joint: elbow\n", "no joint"),
+    ] {
+        let found = fault(text);
+        assert!(found.contains(word) && found.contains(":4:") || found.contains(":5:"), "{found}");
+    }
+}
+
+#[test]
+fn hyperbolic_tangents_are_those_of_the_library_and_keep_every_digit() {
+    for k in -4000..=4000 {
+        let x = f64::from(k) * 0.0113;
+        let [a, b] = [Real::tanh(x), x.tanh()];
+        assert!((a - b).abs() <= 16.0 * f64::EPSILON * b.abs(), "{x}: {a} {b}");
+        let exact = Real::tanh(Dd::from_f64(x));
+        assert!((exact.to_f64() - b).abs() <= 2.0 * f64::EPSILON * b.abs(), "{x}");
+        // tanh 2x = 2 tanh x / (1 + tanh² x)
+        let half = Real::tanh(Dd::from_f64(0.5 * x));
+        let twice = (half + half) / (half * half + Dd::ONE);
+        assert!((exact - twice).abs().to_f64() <= 1e-29, "{x}");
+    }
+    assert_eq!([Real::tanh(1e9), Real::tanh(-1e9)], [1.0, -1.0]);
+}
+
+#[test]
+fn a_simulated_motor_gives_no_more_than_it_can_and_friction_balances_the_energy() {
+    let loaded = driven(
+        "  peak_torque: 4\n  max_speed: 20\n  friction: {coulomb: 0.4, viscous: 0.1, speed: 0.05}\n",
+    );
+    let run = |friction, limited| {
+        let inputs = [Input { space: Space::Actuator, source: Force::Constant(vec![9.0]) }];
+        let setup = Setup {
+            description: &loaded.description,
+            compiled: &loaded.compiled,
+            springs: &[],
+            inputs: &inputs,
+        };
+        let settings = Settings {
+            friction,
+            limited,
+            rtol: 1e-11,
+            atol: 1e-12,
+            ..Settings::new(Method::Dop853, 0.5)
+        };
+        let start = Start::Independent { y: vec![0.1], yd: vec![0.0], guess: None };
+        simulate(&setup, &start, &settings, &mut |_| {}).unwrap()
+    };
+    let work = |run: &sarrus_simulation::Run| {
+        let [first, last] = [&run.samples[0], run.last().unwrap()];
+        let energy =
+            |sample: &sarrus_simulation::Sample| sample.energy.kinetic + sample.energy.potential;
+        energy(last) - energy(first)
+    };
+    let free = run(false, false);
+    assert!(free.events.is_empty());
+    let limited = run(false, true);
+    let names: Vec<_> = limited.events.iter().map(|event| &event.kind).collect();
+    assert_eq!(names, [&EventKind::Limited { name: "pivot".into() }]);
+    // a constant force does its work over the way
+    let way = |run: &sarrus_simulation::Run| run.last().unwrap().y[0] - 0.1;
+    assert!((work(&free) - 9.0 * way(&free)).abs() < 1e-8);
+    assert!((work(&limited) - 4.0 * way(&limited)).abs() < 1e-8);
+    let rough = run(true, true);
+    assert!(work(&rough) < 4.0 * way(&rough) - 0.1);
+    assert!(rough.drift() < 1e-8, "{}", rough.drift());
+}
+
+#[test]
+fn a_joint_bounces_off_its_stop_at_the_time_of_contact_and_loses_energy_there() {
+    let loaded = driven("  peak_torque: 40\n  stroke: [-0.5, 0.5]\n");
+    let run = |stops, method, step| {
+        let inputs = [Input { space: Space::Actuator, source: Force::Constant(vec![9.0]) }];
+        let setup = Setup {
+            description: &loaded.description,
+            compiled: &loaded.compiled,
+            springs: &[],
+            inputs: &inputs,
+        };
+        let usual = Settings::new(method, 1.0);
+        let settings = Settings { stops, step, rtol: 1e-10, atol: 1e-12, ..usual };
+        let start = Start::Independent { y: vec![0.0], yd: vec![0.0], guess: None };
+        simulate(&setup, &start, &settings, &mut |_| {}).unwrap()
+    };
+    let free = run(None, Method::Dop853, None);
+    assert!(free.events.is_empty() && free.last().unwrap().y[0] > 0.6);
+    // the time at which the free motion passes the limit
+    let after = free.samples.iter().position(|sample| sample.y[0] > 0.5).unwrap();
+    let [before, after] = [&free.samples[after - 1], &free.samples[after]];
+    for (method, step) in
+        [(Method::Dop853, None), (Method::Radau5, None), (Method::RungeKutta, Some(1e-4))]
+    {
+        let stopped = run(Some(1e5), method, step);
+        let event = &stopped.events[0];
+        assert_eq!(event.kind, EventKind::Stopped { name: "pivot".into() });
+        assert!(event.time > before.time && event.time < after.time, "{}", event.time);
+        let at = stopped.samples.iter().find(|sample| sample.time == event.time).unwrap();
+        assert!((at.y[0] - 0.5).abs() < 1e-8, "{}", at.y[0]);
+        let most = stopped.samples.iter().map(|sample| sample.y[0]).fold(0.0, f64::max);
+        assert!(most > 0.5 && most < 0.52, "{most}");
+        let least = stopped.samples.iter().filter(|sample| sample.time > event.time);
+        assert!(least.map(|sample| sample.yd[0]).fold(0.0, f64::min) < -0.5);
+        assert!(stopped.drift() < 1e-6, "{}", stopped.drift());
+    }
+}
