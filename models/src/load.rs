@@ -16,7 +16,7 @@ use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::Urdf;
-use crate::{bundled, smurf, units, unlisted, yaml};
+use crate::{bundled, import, mjcf, smurf, units, unlisted, yaml};
 
 /// The source of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,9 +25,9 @@ pub enum Source {
     /// One of [`crate::bundled`], by name.
     Bundled(String),
     /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
-    /// moving joint is independent and active.
+    /// moving joint is independent and active. A file of MJCF has both, and is converted.
     Files {
-        /// URDF or SMURF.
+        /// URDF, SMURF or MJCF.
         urdf: PathBuf,
         /// Submechanism YAML.
         submechanisms: Option<PathBuf>,
@@ -175,7 +175,8 @@ impl Loaded {
 /// # Errors
 /// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
 pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
-    let mut diagnostics = Diagnostics::new(false);
+    // a conversion that drops parts is refused where the robot is loaded
+    let mut diagnostics = Diagnostics::new(true);
     match contents(source, &mut diagnostics)? {
         Some(Contents { urdf: (_, urdf), submechanisms, .. }) => {
             Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
@@ -196,7 +197,11 @@ pub(crate) fn contents(
         Source::Files { urdf, submechanisms } => {
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
-            Ok(Some(Contents { urdf: text::read(urdf)?, submechanisms, folder }))
+            let read = text::read(urdf)?;
+            if mjcf::is_mjcf(&read.1) {
+                return Ok(import::contents(urdf, read, submechanisms, diagnostics));
+            }
+            Ok(Some(Contents { urdf: read, submechanisms, folder }))
         }
         Source::Text { urdf, submechanisms } => Ok(Some(Contents {
             urdf: ("robot.urdf".to_owned(), urdf.clone()),

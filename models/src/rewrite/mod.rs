@@ -173,7 +173,7 @@ fn edited(text: &str, mut edits: Vec<Edit>) -> String {
 }
 
 /// A number in as few digits as it needs.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     let plain = x.to_string();
     if plain.len() > 24 { format!("{x:e}") } else { plain }
 }

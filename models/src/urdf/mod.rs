@@ -24,6 +24,7 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
+pub(crate) use xml::parse;
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
