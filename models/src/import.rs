@@ -50,7 +50,7 @@ pub fn import(
     };
     let mut diagnostics = Diagnostics::new(options.lenient);
     let made = match mjcf::is_mjcf(&bytes) {
-        true => of_mjcf(path, (&file, bytes), include, options, &mut diagnostics),
+        true => of_mjcf(Some(path), (&file, bytes), include, options, &mut diagnostics),
         false => Some(of_urdf(file, bytes, options)?),
     };
     let Some(Made { name, contents, residual, keyframe }) = made else {
@@ -68,10 +68,10 @@ pub fn import(
     Ok(Imported { name, urdf, submechanisms, report, residual, independent, keyframe })
 }
 
-/// The contents of an MJCF file, with the given submechanisms in place of its own; `None` after an
+/// The contents of MJCF, of a file or a text, with the given submechanisms in place of its own; `None` after an
 /// error.
 pub(crate) fn contents(
-    path: &Path,
+    path: Option<&Path>,
     (file, bytes): (String, Vec<u8>),
     given: Option<(String, Vec<u8>)>,
     diagnostics: &mut Diagnostics,
@@ -102,7 +102,7 @@ fn of_urdf(file: String, bytes: Vec<u8>, options: &Options) -> Result<Made, Load
 /// The files of a model: independent joints by the rule of [`crate::suggest`], and the nearest
 /// closed pose as the zero pose where the file's is open.
 fn of_mjcf(
-    path: &Path,
+    path: Option<&Path>,
     named: (&str, Vec<u8>),
     include: &[PathBuf],
     options: &Options,

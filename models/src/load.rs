@@ -34,7 +34,7 @@ pub enum Source {
     },
     /// The contents of files.
     Text {
-        /// URDF.
+        /// URDF or MJCF.
         urdf: Vec<u8>,
         /// Submechanism YAML.
         submechanisms: Option<Vec<u8>>,
@@ -199,17 +199,19 @@ pub(crate) fn contents(
             let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
             let read = text::read(urdf)?;
             if mjcf::is_mjcf(&read.1) {
-                return Ok(import::contents(urdf, read, submechanisms, diagnostics));
+                return Ok(import::contents(Some(urdf), read, submechanisms, diagnostics));
             }
             Ok(Some(Contents { urdf: read, submechanisms, folder }))
         }
-        Source::Text { urdf, submechanisms } => Ok(Some(Contents {
-            urdf: ("robot.urdf".to_owned(), urdf.clone()),
-            submechanisms: submechanisms
-                .clone()
-                .map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
-            folder: None,
-        })),
+        Source::Text { urdf, submechanisms } => {
+            let read = ("robot.urdf".to_owned(), urdf.clone());
+            let submechanisms =
+                submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes));
+            if mjcf::is_mjcf(urdf) {
+                return Ok(import::contents(None, read, submechanisms, diagnostics));
+            }
+            Ok(Some(Contents { urdf: read, submechanisms, folder: None }))
+        }
     }
 }
 

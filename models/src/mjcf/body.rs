@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_dynamics::description::{Inertial, Terms};
+use sarrus_dynamics::description::{Inertial, Placement, Terms};
 
 use super::compiler::{Compiler, FromGeoms};
 use super::document::Element;
@@ -464,8 +464,10 @@ impl<'e, 'd> Walk<'e, 'd> {
             mass: part.mass,
             inertia: part.inertia,
         });
-        let mut inertial = of_parts.or(*explicit)?;
         let Compiler { least_mass, least_inertia, balances, .. } = *self.compiler;
+        let none = Inertial { origin: Placement::default(), mass: 0.0, inertia: [0.0; 6] };
+        let bounded = (least_mass > 0.0 || least_inertia > 0.0).then_some(none);
+        let mut inertial = of_parts.or(*explicit).or(bounded)?;
         inertial.mass = inertial.mass.max(least_mass);
         let [a, b, c] = principal_moments(&inertial.inertia);
         if a < least_inertia {
@@ -477,7 +479,8 @@ impl<'e, 'd> Walk<'e, 'd> {
                 let help = "write its inertia about its principal axes";
                 self.diagnostics.dynamics(*span, found, "a diagonal inertia", help);
             }
-        } else if balances && a + b < c {
+        }
+        if balances && a + b < c {
             let mean = (a + b + c) / 3.0;
             inertial.inertia = [mean, 0.0, 0.0, mean, 0.0, mean];
         }

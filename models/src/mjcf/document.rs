@@ -86,8 +86,11 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// The files beside the first one, or below a folder of `include`.
-    pub(super) fn new(first: &Path, include: &[PathBuf]) -> Files {
+    /// The files beside the first one, or below a folder of `include`; a text has none beside it.
+    pub(super) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
+        let Some(first) = first else {
+            return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new() };
+        };
         let folder = match first.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
             _ => PathBuf::from("."),

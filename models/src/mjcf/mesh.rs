@@ -115,7 +115,9 @@ impl<'e> Meshes<'e> {
                     item.list("face", 3 * MOST_FACES, diagnostics).unwrap_or_default();
                 let point = |k: &f64| {
                     let at = (*k as usize).checked_mul(3)?;
-                    <[f64; 3]>::try_from(vertices.get(at..at + 3)?).ok()
+                    let point = <[f64; 3]>::try_from(vertices.get(at..at + 3)?).ok()?;
+                    // MuJoCo keeps them in single precision, as those of files
+                    Some(point.map(|x| f64::from(x as f32)))
                 };
                 let of = |of: &[f64]| Some([point(&of[0])?, point(&of[1])?, point(&of[2])?]);
                 indices.chunks_exact(3).filter_map(of).collect()

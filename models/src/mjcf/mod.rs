@@ -55,10 +55,10 @@ pub(crate) fn is_mjcf(bytes: &[u8]) -> bool {
     tag.is_some_and(|tag| tag.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'))
 }
 
-/// Converts a model; files that it names are read below its folder or a folder of `include`. `None`
-/// after an error.
+/// Converts a model; files that it names are read below the folder of `path` or a folder of
+/// `include`. `None` after an error.
 pub(crate) fn convert(
-    path: &Path,
+    path: Option<&Path>,
     (name, bytes): (&str, Vec<u8>),
     include: &[PathBuf],
     diagnostics: &mut Diagnostics,
@@ -66,7 +66,7 @@ pub(crate) fn convert(
     let mut files = Files::new(path, include);
     let root = document::read(name, bytes, &mut files, diagnostics)?;
     root.is_read.set(true);
-    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let stem = path.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
     let model = root.text("model").filter(|name| !name.is_empty());
     let robot = model.map(str::to_owned).or(stem).unwrap_or_else(|| "robot".to_owned());
     root.all("asset").for_each(drop);

@@ -30,7 +30,7 @@ MODELS = {
         [],
         {"pull": {"a": 0.5, "c": -2.0}},
     ),
-    "tied": ("a d crank sled", [], {}),
+    "tied": ("a d crank arm", [], {}),
 }
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 AMPLITUDES = [0.0, 0.05, 0.12]
