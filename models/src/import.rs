@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::assembly::assemble;
+use crate::assembly::assemble_contents;
 use crate::assembly_report::AssemblyReport;
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Loaded, Options, Source, load_contents};
+use crate::load::{Loaded, Options, load_contents};
 use crate::mjcf::{self, Converted};
 use crate::report::{Diagnostics, Report, Span};
 use crate::suggest::suggest_for;
@@ -126,7 +126,7 @@ fn of_mjcf(
     let residual = at_zero.as_ref().map(|found| found.residual_before);
     // loops that are open in the file's pose
     if let Some(zero) = at_zero.and_then(|found| found.zero).filter(|_| !is_good)
-        && let Ok(Ok(written)) = zero.write(&source(&contents), options)
+        && let Ok(written) = zero.write_contents(&contents, options)
     {
         let found = "the loops are open in the file's pose";
         let help = "the zero pose is the nearest closed one; q counts from there";
@@ -137,13 +137,9 @@ fn of_mjcf(
         }
         suggested(&mut contents);
     }
-    let keyframe = pose.and_then(|(key, pose)| Some((key, closed(&contents, options, Some(&pose))?)));
+    let keyframe =
+        pose.and_then(|(key, pose)| Some((key, closed(&contents, options, Some(&pose))?)));
     Some(Made { name, contents, residual, keyframe })
-}
-
-fn source(contents: &Contents) -> Source {
-    let submechanisms = contents.submechanisms.clone().map(|(_, bytes)| bytes);
-    Source::Text { urdf: contents.urdf.1.clone(), submechanisms }
 }
 
 /// The closed pose near one that is given by name, or near the zero pose; `None` of faulty files.
@@ -161,5 +157,6 @@ fn closed(
         Ok::<_, ()>(zero)
     };
     let ones = |names: &[String]| Ok(vec![1.0; names.len()]);
-    assemble(&source(contents), options, given, ones).ok()?.ok()?.assembled
+    let diagnostics = Diagnostics::new(options.lenient);
+    assemble_contents(contents, options, &diagnostics, given, ones).ok()?.ok()?.assembled
 }

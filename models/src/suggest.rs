@@ -11,7 +11,7 @@ use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_ind
 
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Options, Source, contents, load_contents, urdf_alone};
+use crate::load::{Options, load_contents, urdf_alone};
 use crate::open::open_contents;
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::kind::{KNOWN, Known, freedoms};
@@ -76,19 +76,7 @@ impl Files<'_> {
     }
 }
 
-/// Proposes a submechanism file for a robot.
-///
-/// # Errors
-/// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
-pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let Some(contents) = contents(source, &mut diagnostics)? else {
-        return Err(LoadError::Faults(diagnostics.into_report()));
-    };
-    suggest_for(contents, options, false)
-}
-
-/// As [`suggest`]; where `drives_all`, each independent joint of one freedom is active.
+/// As [`crate::suggest`]; where `drives_all`, each independent joint of one freedom is active.
 pub(crate) fn suggest_for(
     contents: Contents,
     options: &Options,
@@ -364,8 +352,7 @@ impl Draft {
 
     /// The entry in the file.
     fn lines(&self) -> String {
-        let names =
-            |of: &[String]| of.iter().map(|name| word(name)).collect::<Vec<_>>().join(", ");
+        let names = |of: &[String]| of.iter().map(|name| word(name)).collect::<Vec<_>>().join(", ");
         let mut text =
             format!("- type: {}\n  contextual_name: {}\n", self.type_name, word(&self.name));
         if let Some(path) = &self.file_path {

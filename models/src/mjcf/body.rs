@@ -233,17 +233,14 @@ impl<'e, 'd> Walk<'e, 'd> {
                 "joint" | "freejoint" => self.joint(child, place),
                 "inertial" => self.inertial(child, place),
                 "geom" if place.body != 0 => {
-                    let item =
-                        self.classes.item(child, &["geom"], place.class, self.diagnostics);
-                    let part =
-                        geom::part(&item, self.compiler, &mut self.meshes, self.diagnostics);
+                    let item = self.classes.item(child, &["geom"], place.class, self.diagnostics);
+                    let part = geom::part(&item, self.compiler, &mut self.meshes, self.diagnostics);
                     let frame = place.frame;
                     let part = part.map(|part| Part { pose: frame.then(part.pose), ..part });
                     self.tree.bodies[place.body].parts.extend(part);
                 }
                 "site" => {
-                    let item =
-                        self.classes.item(child, &["site"], place.class, self.diagnostics);
+                    let item = self.classes.item(child, &["site"], place.class, self.diagnostics);
                     let pose = geom::placed(&item, self.compiler, self.diagnostics).0;
                     if let Some(name) = item.text("name") {
                         let name = format!("{name}{}", place.suffix);

@@ -86,8 +86,7 @@ pub(super) fn tendons<'e>(
         }
         let rest = rest.first().copied().filter(|of| *of != -1.0).unwrap_or(at_zero);
         let range = compiler.range(&item, "range", "limited", diagnostics);
-        let effort =
-            compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", diagnostics);
+        let effort = compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", diagnostics);
         tendons.push(Tendon {
             name,
             span: item.span(),

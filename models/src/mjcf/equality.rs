@@ -219,7 +219,8 @@ impl<'e> Equalities<'e, '_> {
         }
         let is_free = |(joint, of): &(String, f64)| {
             let joint = self.tree.joint(joint).and_then(|j| self.tree.joints.get(j));
-            *of != 0.0 && joint.is_some_and(|joint| joint.coupling.is_none() && joint.held.is_none())
+            *of != 0.0
+                && joint.is_some_and(|joint| joint.coupling.is_none() && joint.held.is_none())
         };
         let Some(follower) = sums.iter().position(is_free) else {
             let found = format!("each joint of the coupling {} follows others", quoted(name));

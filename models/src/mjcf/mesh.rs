@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::compiler::Compiler;
 use super::document::{Element, Files};
-use super::geom::{Solid, of_point};
 use super::item::{Classes, Item};
 use super::pose::{Pose, minus, plus, unit};
+use super::solid::{Solid, of_point};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::{cross, dot, rotated};
 
@@ -111,8 +111,7 @@ impl<'e> Meshes<'e> {
             }
             None => {
                 let vertices = item.list("vertex", 3 * MOST_FACES, diagnostics)?;
-                let indices =
-                    item.list("face", 3 * MOST_FACES, diagnostics).unwrap_or_default();
+                let indices = item.list("face", 3 * MOST_FACES, diagnostics).unwrap_or_default();
                 let point = |k: &f64| {
                     let at = (*k as usize).checked_mul(3)?;
                     let point = <[f64; 3]>::try_from(vertices.get(at..at + 3)?).ok()?;
@@ -219,8 +218,7 @@ fn integrated(faces: &[Face], way: &str) -> Option<Solid> {
         for face in faces {
             let own = third(face);
             let part = weight(face, middle) / volume;
-            centre =
-                std::array::from_fn(|k| centre[k] + part * (0.75 * own[k] + 0.25 * middle[k]));
+            centre = std::array::from_fn(|k| centre[k] + part * (0.75 * own[k] + 0.25 * middle[k]));
         }
     }
     // second moments about the centre: the corners and their sum

@@ -13,6 +13,7 @@ mod geom;
 mod item;
 mod mesh;
 mod pose;
+mod solid;
 mod unread;
 mod write;
 
@@ -156,7 +157,8 @@ fn keyframe(
         };
         let own = values.get(at..at + count)?;
         at += count;
-        let mut add = |suffix: &str, value: f64| pose.push((format!("{}{suffix}", joint.name), value));
+        let mut add =
+            |suffix: &str, value: f64| pose.push((format!("{}{suffix}", joint.name), value));
         match own {
             [value] => add("", value - joint.reference),
             [rest @ .., w, x, y, z] => {

@@ -275,15 +275,13 @@ fn entry(name: &str, joints: &[usize], cuts: &[&Cut], tree: &Tree) -> String {
         let [a, b] = cut.bodies.map(|body| tree.bodies.get(body).map_or("", |of| &*of.name));
         let kind = if cut.is_weld { "weld" } else { "spherical" };
         let _ = writeln!(text, "  - cut_joint: {}", word(&cut.name));
-        let _ = writeln!(text, "    predecessor_body: {}\n    successor_body: {}", word(a), word(b));
+        let _ =
+            writeln!(text, "    predecessor_body: {}\n    successor_body: {}", word(a), word(b));
         let _ = writeln!(text, "    cut_joint_type: {kind}");
         for (key, Placement { xyz, rpy }) in ["predecessor", "successor"].iter().zip(cut.places) {
             let xyz = list(xyz, ", ");
-            let _ = writeln!(
-                text,
-                "    {key}_placement: {{xyz: [{xyz}], rpy: [{}]}}",
-                list(rpy, ", ")
-            );
+            let _ =
+                writeln!(text, "    {key}_placement: {{xyz: [{xyz}], rpy: [{}]}}", list(rpy, ", "));
         }
     }
     text

@@ -65,10 +65,8 @@ impl Import {
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let name: String = imported.name.chars().map(plain).collect();
         let path = |ending: &str| self.out.join(format!("{name}.{ending}"));
-        let files = [
-            (path("urdf"), imported.urdf.clone()),
-            (path("yml"), imported.submechanisms.clone()),
-        ];
+        let files =
+            [(path("urdf"), imported.urdf.clone()), (path("yml"), imported.submechanisms.clone())];
         let mut text = write_new(&self.out, &files)?.text;
         if let Some(residual) = imported.residual {
             text += &labelled("closure", format!("{residual:.3e} off at the file's pose, scaled"));
@@ -85,7 +83,8 @@ impl Import {
         }
         if !imported.independent.is_empty() {
             text += &labelled("independent", imported.independent.join(" "));
-            let rule = "those that determine all others: actuated ones first, then those on the base";
+            let rule =
+                "those that determine all others: actuated ones first, then those on the base";
             text += &labelled("", rule);
         }
         Ok(text)
