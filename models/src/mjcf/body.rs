@@ -302,7 +302,7 @@ impl<'e, 'd> Walk<'e, 'd> {
         let euler = item.numbers::<3>("euler", self.diagnostics).unwrap_or_default();
         let step = Pose { p: offset, r: self.compiler.angles.of_euler(euler) };
         let sep = item.text("sep").unwrap_or_default();
-        // as many digits as the last one has
+        // each suffix has the digits of the last one
         let width = count.saturating_sub(1).max(1).to_string().len();
         let mut frame = place.frame;
         for k in 0..count.min(MOST_PARTS) {
@@ -317,26 +317,14 @@ impl<'e, 'd> Walk<'e, 'd> {
         let tags: &[&str] = if is_free { &[] } else { &["joint"] };
         let item = self.classes.item(element, tags, place.class, self.diagnostics);
         let name = self.name(&item, "joint", &place.suffix);
-        let kind = match item.text("type").unwrap_or("hinge") {
-            _ if is_free => Kind::Free,
-            "hinge" => Kind::Hinge,
-            "slide" => Kind::Slide,
-            "ball" => Kind::Ball,
-            "free" => Kind::Free,
-            other => {
-                let found = format!("the joint type {}", quoted(other));
-                let known = ["hinge", "slide", "ball", "free"];
-                let expected = known.join(", ");
-                self.diagnostics.unknown(
-                    item.at("type"),
-                    found,
-                    expected,
-                    other,
-                    known,
-                    "choose one of them",
-                );
-                return;
-            }
+        let kinds = [("hinge", Kind::Hinge), ("slide", Kind::Slide), ("ball", Kind::Ball)];
+        let written = if is_free { "free" } else { item.text("type").unwrap_or("hinge") };
+        let mut known = kinds.into_iter().chain([("free", Kind::Free)]);
+        let Some((_, kind)) = known.find(|(name, _)| *name == written) else {
+            let found = format!("the joint type {}", quoted(written));
+            let expected = "hinge, slide, ball or free";
+            self.diagnostics.error(item.at("type"), found, expected, "choose one of them");
+            return;
         };
         if kind == Kind::Free && self.tree.bodies[place.body].parent != 0 || place.body == 0 {
             let found = format!("the joint {} in this place", quoted(&name));
@@ -396,7 +384,7 @@ impl<'e, 'd> Walk<'e, 'd> {
         self.tree.add_joint(joint);
     }
 
-    /// Reports what a joint of this kind cannot have.
+    /// Reports terms that a joint of this kind lacks.
     fn check_joint(&mut self, item: &Item<'_>, joint: &Joint) {
         let springdamper = item.numbers::<2>("springdamper", self.diagnostics);
         let Joint { kind, terms, .. } = joint;

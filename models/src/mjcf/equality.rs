@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::description::Placement;
 
-use super::body::{Joint, Tree};
+use super::body::Tree;
 use super::document::Element;
 use super::drive::Tendon;
 use super::item::{Classes, Item};
@@ -42,13 +42,8 @@ impl<'e> Equalities<'e, '_> {
             }
             let before = self.cuts.len();
             let is_read = match item.tag() {
-                "connect" => self.cut(&item, name.clone(), false).is_some(),
-                "weld" => {
-                    let scale = item.number("torquescale", self.diagnostics).unwrap_or(1.0);
-                    self.cut(&item, name.clone(), scale != 0.0).is_some()
-                }
-                "joint" => self.joint(&item, &name).is_some(),
-                "tendon" => self.tendon(&item, &name).is_some(),
+                "connect" | "weld" => self.cut(&item, name.clone()).is_some(),
+                "joint" | "tendon" => self.couple(&item, &name).is_some(),
                 other => {
                     element.read_all();
                     let found = format!("the equality {} of {}", quoted(&name), quoted(other));
@@ -73,47 +68,39 @@ impl<'e> Equalities<'e, '_> {
         self.cuts
     }
 
+    /// Reports a name that stands for nothing.
+    fn missing(&mut self, item: &Item<'_>, name: &str, kind: &str) {
+        let written = quoted(item.text(name).unwrap_or_default());
+        let found = format!("the {kind} {written}, which does not exist");
+        self.diagnostics.error(item.at(name), found, format!("a {kind}"), "correct the name");
+    }
+
     /// The body that an attribute names; the world without one.
     fn body(&mut self, item: &Item<'_>, name: &str) -> Option<usize> {
-        let Some(attribute) = item.get(name) else { return Some(0) };
-        let written = attribute.value.trim();
+        let Some(written) = item.text(name) else { return Some(0) };
         let found = self.tree.body(written);
         if found.is_none() {
-            let found = format!("the body {}, which does not exist", quoted(written));
-            let known = self.tree.bodies.iter().map(|body| body.name.as_str());
-            let expected = "a body of this file";
-            self.diagnostics.unknown(
-                attribute.span,
-                found,
-                expected,
-                written,
-                known,
-                "correct the name",
-            );
+            self.missing(item, name, "body");
         }
         found
     }
 
     /// The site that an attribute names.
     fn site(&mut self, item: &Item<'_>, name: &str) -> Option<(usize, Pose)> {
-        let written = item.text(name).unwrap_or_default();
-        let found = self.tree.sites.get(written).copied();
+        let found = self.tree.sites.get(item.text(name).unwrap_or_default()).copied();
         if found.is_none() {
-            let found = format!("the site {}, which does not exist", quoted(written));
-            let known = self.tree.sites.keys().map(String::as_str);
-            let expected = "a site of this file";
-            let at = item.at(name);
-            self.diagnostics.unknown(at, found, expected, written, known, "correct the name");
+            self.missing(item, name, "site");
         }
         found
     }
 
     /// `connect` or `weld`.
-    fn cut(&mut self, item: &Item<'_>, name: String, is_weld: bool) -> Option<()> {
+    fn cut(&mut self, item: &Item<'_>, name: String) -> Option<()> {
+        let scale = item.number("torquescale", self.diagnostics).unwrap_or(1.0);
+        let is_weld = item.tag() == "weld" && scale != 0.0;
         let (bodies, poses) = if item.has("site1") || item.has("site2") {
-            let first = self.site(item, "site1");
-            let second = self.site(item, "site2");
-            let (first, second) = (first?, second?);
+            let [first, second] = ["site1", "site2"].map(|name| self.site(item, name));
+            let [first, second] = [first?, second?];
             ([first.0, second.0], [first.1, second.1])
         } else {
             if !item.has("body1") {
@@ -165,48 +152,26 @@ impl<'e> Equalities<'e, '_> {
     /// The terms of the joint or the tendon that an attribute names.
     fn terms(&mut self, item: &Item<'_>, name: &str) -> Option<Vec<(String, f64)>> {
         let written = item.text(name).unwrap_or_default();
-        let of_tendon = self.tendons.iter().find(|of| of.name == written);
-        let found = match item.tag() {
-            "joint" => {
-                let is_single = |joint: &&Joint| joint.name == written && joint.is_single();
-                let found = self.tree.joints.iter().find(is_single);
-                found.map(|joint| vec![(joint.name.clone(), 1.0)])
-            }
-            _ => of_tendon.map(|of| of.terms.clone()),
+        let is_joint = item.tag() == "joint";
+        let joint = self.tree.joints.iter().find(|of| of.name == written && of.is_single());
+        let tendon = self.tendons.iter().find(|of| of.name == written);
+        let found = match is_joint {
+            true => joint.map(|of| vec![(of.name.clone(), 1.0)]),
+            false => tendon.map(|of| of.terms.clone()),
         };
         if found.is_none() {
-            let kind = if item.tag() == "joint" { "hinge or slide" } else { "fixed tendon" };
-            let found = format!("{} is no {kind} of this file", quoted(written));
-            self.diagnostics.error(item.at(name), found, kind, "correct the name");
+            self.missing(item, name, if is_joint { "hinge or slide" } else { "fixed tendon" });
         }
         found
     }
 
-    fn joint(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
-        let line = self.line(item, name);
-        self.couple(item, name, "joint", line)
-    }
-
-    fn tendon(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
-        let line = self.line(item, name);
-        self.couple(item, name, "tendon", line)
-    }
-
     /// first = a + b second, in coordinates that are zero in the file's pose: one joint follows the
     /// others, the first one that follows none yet.
-    fn couple(
-        &mut self,
-        item: &Item<'_>,
-        name: &str,
-        of: &str,
-        line: Option<[f64; 2]>,
-    ) -> Option<()> {
-        let [key_1, key_2] = [1, 2].map(|k| format!("{of}{k}"));
-        let mut terms = self.terms(item, &key_1)?;
-        let mut slope = Vec::new();
-        if item.has(&key_2) {
-            slope = self.terms(item, &key_2)?;
-        }
+    fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
+        let line = self.line(item, name);
+        let [first, second] = [1, 2].map(|k| format!("{}{k}", item.tag()));
+        let mut terms = self.terms(item, &first)?;
+        let slope = if item.has(&second) { self.terms(item, &second)? } else { Vec::new() };
         let [constant, factor] = line?;
         terms.extend(slope.into_iter().map(|(joint, of)| (joint, -factor * of)));
         // Σ terms = constant

@@ -81,9 +81,14 @@ pub(crate) fn convert(
     let mut tendons = drive::tendons(&root, &classes, &compiler, &tree, diagnostics);
     drive::actuators(&root, &classes, &compiler, &mut tree, &mut tendons, diagnostics);
     let mut cuts = if flags.equality {
-        let cuts = Vec::new();
-        let (tree, tendons) = (&mut tree, tendons.as_slice());
-        Equalities { classes: &classes, tree, tendons, diagnostics, cuts }.read(&root)
+        Equalities {
+            classes: &classes,
+            tree: &mut tree,
+            tendons: &tendons,
+            diagnostics,
+            cuts: Vec::new(),
+        }
+        .read(&root)
     } else {
         root.all("equality").for_each(Element::read_all);
         Vec::new()

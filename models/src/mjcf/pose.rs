@@ -42,8 +42,8 @@ impl Pose {
 
     /// The rotation by an angle about a unit axis.
     pub(super) fn turn([x, y, z]: [f64; 3], angle: f64) -> [f64; 4] {
-        let (s, c) = (angle / 2.0).sin_cos();
-        [s * x, s * y, s * z, c]
+        let sine = (angle / 2.0).sin();
+        [sine * x, sine * y, sine * z, (angle / 2.0).cos()]
     }
 
     /// The three columns of the rotation.
