@@ -1,5 +1,5 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops. Contains sixteen bundled robots.
+//! the loops, or MJCF for both. Contains sixteen bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load, texts};
@@ -47,7 +47,7 @@
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
-//! - A SMURF file in place of the URDF.
+//! - A SMURF file in place of the URDF, or a file of MJCF, which [`import`] converts.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
 //! URDF; floating joints are not active, joints with `<mimic>` follow. The same holds for joints

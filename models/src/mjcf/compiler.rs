@@ -140,9 +140,9 @@ pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> Flags {
     for option in root.all("option").map(Item::plain) {
         let gravity = option.numbers::<3>("gravity", diagnostics);
         if let Some([x, y, z]) = gravity.filter(|gravity| *gravity != [0.0, 0.0, -9.81]) {
-            let found = format!("the gravity is {x} {y} {z}, which the written files do not hold");
-            let help = format!("give it as --gravity={x},{y},{z} with them");
-            diagnostics.note(option.at("gravity"), found, help);
+            let found = format!("the gravity {x} {y} {z}, which is no part of a URDF");
+            let help = format!("give it as --gravity={x},{y},{z}");
+            diagnostics.warning(option.at("gravity"), found, "0 0 -9.81", help);
         }
         for name in ["wind", "density", "viscosity"] {
             let numbers = option.list(name, 3, diagnostics).unwrap_or_default();

@@ -11,7 +11,7 @@ use sarrus_client::Options;
 use sarrus_models::{Imported, LoadError, Report, import};
 
 use super::output::{Failure, Outcome, Results, labelled, write_new};
-use super::robot::diagnostics;
+use super::robot::{diagnostics, notes};
 
 /// Longest time of the program `xacro`.
 const XACRO: Duration = Duration::from_secs(60);
@@ -93,8 +93,7 @@ impl Import {
 
 /// Notes, warnings and errors, a line each.
 fn in_words(report: &Report) -> String {
-    let notes = report.notes.iter().map(|note| note.as_note() + "\n");
-    notes.collect::<String>() + &diagnostics(&report.errors, &report.warnings)
+    notes(&report.notes) + &diagnostics(&report.errors, &report.warnings)
 }
 
 /// The text of a file as `xacro` expands it.
