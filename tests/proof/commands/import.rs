@@ -6,6 +6,10 @@ use std::process::Command;
 
 use super::{Folder, Run, run, sarrus};
 
+const PLAIN: &str = r#"<robot name="plain"><link name="a"/><link name="b"/>
+  <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+</robot>"#;
+
 fn model(name: &str) -> String {
     format!("{}/../models/tests/suite/mjcf/{name}.xml", env!("CARGO_MANIFEST_DIR"))
 }
@@ -38,7 +42,7 @@ fn an_imported_model_is_checked_asked_and_not_written_over() {
     let spring = folder.file("spring.xml", spring);
     let strict = run(&["import", &spring, "--out", &into], b"");
     assert_eq!(strict.code, Some(1), "{}", strict.err);
-    let expected = "spring.xml:1:32: `stiffness` of `joint` is not linear";
+    let expected = "spring.xml:1:33: `stiffness` of `joint` is not linear";
     assert!(strict.err.contains(expected), "{}", strict.err);
     let lenient = run(&["import", &spring, "--out", &into, "--lenient"], b"");
     assert_eq!(lenient.code, Some(0), "{}", lenient.err);
@@ -47,7 +51,7 @@ fn an_imported_model_is_checked_asked_and_not_written_over() {
 #[test]
 fn macros_are_expanded_by_the_program_xacro_on_request() {
     let folder = Folder::new("import-xacro");
-    let file = folder.file("robot.urdf.xacro", "<robot name=\"plain\"><link name=\"a\"/></robot>");
+    let file = folder.file("robot.urdf.xacro", PLAIN);
     let program = folder.file("xacro", "#!/bin/sh\nexec cat \"$1\"\n");
     fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
     let programs = program.replace("/xacro", "");
