@@ -68,8 +68,8 @@ pub fn import(
     Ok(Imported { name, urdf, submechanisms, report, residual, independent, keyframe })
 }
 
-/// The contents of MJCF, of a file or a text, with the given submechanisms in place of its own; `None` after an
-/// error.
+/// The contents of MJCF, of a file or a text, with the given submechanisms in place of its own;
+/// `None` after an error.
 pub(crate) fn contents(
     path: Option<&Path>,
     (file, bytes): (String, Vec<u8>),

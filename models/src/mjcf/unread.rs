@@ -18,7 +18,8 @@ const HARMLESS: &str = "
     cylinder: *
     damper: *
     default: *
-    fixed: group margin solreflimit solimplimit solreffriction solimpfriction user material rgba width
+    fixed: group margin solreflimit solimplimit solreffriction solimpfriction user
+    fixed: material rgba width
     flag: contact frictionloss limit clampctrl warmstart filterparent refsafe sensor midphase
     flag: nativeccd eulerdamp autoreset override energy fwdinv invdiscrete multiccd island sleep
     freejoint: group

@@ -1,8 +1,8 @@
 """Vectors of the MJCF models in this folder, by MuJoCo alone: `python generate.py`.
 
 Each state is closed by Newton's method on MuJoCo's own residuals. Coordinates are those of sarrus:
-zero in the file's pose, quaternions x y z w, the velocity of a free joint in the body. Rows of K are
-in the axes of body1; forces contain springs, dampers and gravity.
+zero in the file's pose, quaternions x y z w, the velocity of a free joint in the body. Rows of K
+are in the axes of body1; forces contain springs, dampers and gravity.
 """
 
 import json
@@ -247,7 +247,8 @@ def state(name, k, rng):
     # K (S v): K̇q̇ in these coordinates has the part of Sd
     k_bias = -(bias - K @ Sd)
     qdd = np.linalg.lstsq(full, np.concatenate([ydd, k_bias]), rcond=1e-12)[0]
-    G = np.linalg.lstsq(full, np.vstack([np.eye(len(B)), np.zeros((len(K), len(B)))]), rcond=1e-12)[0]
+    units = np.vstack([np.eye(len(B)), np.zeros((len(K), len(B)))])
+    G = np.linalg.lstsq(full, units, rcond=1e-12)[0]
     G = G[:, :n_y]
     d.qacc[:] = inverse @ (qdd - Sd)
     M = np.zeros((m.nv, m.nv))
