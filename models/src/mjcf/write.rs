@@ -80,8 +80,8 @@ fn link(name: &str, inertial: Option<Inertial>) -> String {
         .map(|(name, value)| format!(" {name}=\"{}\"", number(value + 0.0)))
         .collect();
     format!(
-        "  <link name=\"{}\">\n    <inertial>{}<mass value=\"{}\"/>\n      <inertia{moments}/></inertial>\
-         \n  </link>\n",
+        "  <link name=\"{}\">\n    <inertial>{}<mass value=\"{}\"/>\n      <inertia{moments}/>\
+         </inertial>\n  </link>\n",
         escaped(name),
         origin(at),
         number(mass)
