@@ -15,7 +15,7 @@ use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::rotated;
 
 /// Most bodies, joints, geoms and sites of a model with its repetitions.
-const MOST_PARTS: usize = 100_000;
+const MOST_PARTS: usize = 10_000;
 
 /// The motion of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
