@@ -150,18 +150,24 @@ fn keyframe(
     let mut keys = root.all("keyframe").flat_map(|of| of.all("key")).map(Item::plain);
     let key = keys.find(|key| key.has("qpos"))?;
     let values = key.list("qpos", 1 << 16, diagnostics)?;
+    let count = |kind: Kind| match kind {
+        Kind::Hinge | Kind::Slide => 1,
+        Kind::Ball => 4,
+        Kind::Free => 7,
+    };
+    let needed: usize = tree.joints.iter().map(|joint| count(joint.kind)).sum();
+    if values.len() != needed {
+        let found = format!("`qpos` of `key` holds {} numbers", values.len());
+        diagnostics.error(key.at("qpos"), found, format!("{needed}"), "correct the value");
+        return None;
+    }
     let name = key.text("name").unwrap_or("1").to_owned();
     let mut pose = Vec::new();
     let mut at = 0;
     // bodies are in the order of their depth first, as MuJoCo's
     for joint in &tree.joints {
-        let count = match joint.kind {
-            Kind::Hinge | Kind::Slide => 1,
-            Kind::Ball => 4,
-            Kind::Free => 7,
-        };
-        let own = values.get(at..at + count)?;
-        at += count;
+        let own = values.get(at..at + count(joint.kind))?;
+        at += own.len();
         let mut add =
             |suffix: &str, value: f64| pose.push((format!("{}{suffix}", joint.name), value));
         match own {

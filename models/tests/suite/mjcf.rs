@@ -276,6 +276,10 @@ fn a_faulty_model_is_refused_with_its_place() {
             model("", BALL, "").replace("<joint ", "<joint axis=\"0 0 0\" "),
             "axis of the joint `j` is",
         ),
+        (
+            model("", BALL, "<keyframe><key qpos=\"0 0\"/></keyframe>"),
+            "`qpos` of `key` holds 2 numbers",
+        ),
         (model("<include file=\"x.xml\"/>", BALL, ""), "cannot be opened"),
         (
             model("<compiler autolimits=\"false\"/>", BALL, "")
@@ -361,6 +365,18 @@ fn loops_that_are_open_in_the_files_pose_are_closed_and_a_keyframe_is_projected(
     let (name, closed) = imported.keyframe.unwrap();
     assert_eq!((name.as_str(), closed.error), ("home", None));
     assert!(closed.residual < 1e-9 && closed.residual_before > 1e-3, "{}", closed.residual);
+}
+
+#[test]
+fn independents_are_found_beside_a_ball_whose_spin_is_idle() {
+    let path = folder().join("leg.xml");
+    let text = fs::read_to_string(&path).unwrap();
+    let (before, rest) = text.split_once("<actuator>").unwrap();
+    let text = format!("{before}{}", rest.split_once("</actuator>").unwrap().1).into_bytes();
+    let imported = import(&path, Some(text), &[], &Options::default()).unwrap();
+    assert!(imported.report.errors.is_empty(), "{}", imported.report);
+    assert!(imported.independent.iter().all(|of| !of.starts_with("achilles")));
+    assert_eq!(imported.independent.len(), 12, "{:?}", imported.independent);
 }
 
 #[test]
