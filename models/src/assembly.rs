@@ -5,9 +5,11 @@ use sarrus_dynamics::{AssembleError, closing_placements, rezeroed};
 
 use crate::assembly_report::{AssemblyReport, NewPlacements};
 use crate::check::CheckReport;
+use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Options, Source, load};
-use crate::open::load_open;
+use crate::load::{Options, load_contents};
+use crate::open::open_contents;
+use crate::report::Diagnostics;
 use crate::rewrite::NewZero;
 
 /// Residual up to which a loop is closed at zero, as in the compiler.
@@ -15,18 +17,11 @@ const OPEN: f64 = 1e-6;
 /// Scaled distance to singularity below which a zero pose is a dead point, as in the compiler.
 const DEAD_POINT: f64 = 1e-9;
 
-/// Reads a robot and closes it near a pose.
-///
-/// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and
-/// the zero pose; their error is returned. The report describes the robot; for files that are open
-/// at zero it describes the robot with the found pose as its zero pose, and the faults of the files
-/// become warnings.
-///
-/// # Errors
-/// Sources that cannot be read at all. The inner error is that of `near` or `weights`.
-pub fn assemble<E>(
-    source: &Source,
+/// As [`crate::assemble`], of contents.
+pub(crate) fn assemble_contents<E>(
+    contents: &Contents,
     options: &Options,
+    diagnostics: &Diagnostics,
     near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
     weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
 ) -> Result<Result<CheckReport, E>, LoadError> {
@@ -34,7 +29,7 @@ pub fn assemble<E>(
         let near = near(coordinates, zero)?;
         Ok((near, weights(velocities)?))
     };
-    let loaded = load(source, options);
+    let loaded = load_contents(Some(contents.clone()), options, diagnostics.clone());
     let mut report = CheckReport::new(&loaded)?;
     let Err(LoadError::Faults(_)) = loaded else {
         let Ok(loaded) = loaded else { return Ok(Ok(report)) };
@@ -58,7 +53,9 @@ pub fn assemble<E>(
     };
 
     // open loops at zero may be the only fault of the files
-    let Ok(opened) = load_open(source, options) else { return Ok(Ok(report)) };
+    let Ok(opened) = open_contents(Some(contents.clone()), options, diagnostics.clone()) else {
+        return Ok(Ok(report));
+    };
     let model = &opened.model;
     let given = given(model.tree_q_names(), model.tree_zero(), model.tree_names());
     let (near, weights) = match given {

@@ -31,7 +31,7 @@ pub(crate) fn check(inertia: &[f64; 6]) -> Result<(), InertiaFault> {
 
 /// Eigenvalues in ascending order, by cyclic Jacobi rotations: unlike the cubic's closed form
 /// accurate to rounding.
-fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
+pub(crate) fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
     let [xx, xy, xz, yy, yz, zz] = *inertia;
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     for _ in 0..30 {

@@ -1,5 +1,5 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops. Contains sixteen bundled robots.
+//! the loops, or MJCF for both. Contains sixteen bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load, texts};
@@ -47,7 +47,7 @@
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
-//! - A SMURF file in place of the URDF.
+//! - A SMURF file in place of the URDF, or a file of MJCF, which [`import`] converts.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
 //! URDF; floating joints are not active, joints with `<mimic>` follow. The same holds for joints
@@ -72,8 +72,10 @@ mod contents;
 mod cut;
 mod dimensions;
 mod error;
+mod import;
 mod inertia;
 mod load;
+mod mjcf;
 mod names;
 mod number;
 mod open;
@@ -83,6 +85,7 @@ mod rewrite;
 mod rotation;
 mod scene;
 mod smurf;
+mod source;
 mod submechanisms;
 mod suggest;
 mod text;
@@ -92,18 +95,19 @@ mod urdf;
 pub mod yaml;
 
 pub use actuators::{PUBLISHED, Published};
-pub use assembly::assemble;
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use base::Base;
 pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use dimensions::{Density, Dimensions, Length, Range};
 pub use error::LoadError;
-pub use load::{Loaded, Options, Source, load, texts};
+pub use import::{Imported, import};
+pub use load::{Loaded, Options};
 pub use names::{nearest, nearest_first};
-pub use open::{Opened, load_open};
+pub use open::Opened;
 pub use pattern::matching_joints;
 pub use report::{Diagnostic, Diagnostics, Report};
 pub use rewrite::{NewZero, Rewritten};
 pub use scene::Lock;
-pub use suggest::{Suggestion, suggest};
+pub use source::{Source, assemble, load, load_open, suggest, texts};
+pub use suggest::Suggestion;

@@ -1,7 +1,7 @@
-//! Loads a source into a compiled model, or reports all of its faults.
+//! Compiles the contents of files into a model, or reports all of their faults.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
@@ -11,36 +11,12 @@ use crate::base::{self, Base};
 use crate::build::{self, Spans};
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::names::nearest;
 use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
 use crate::text::{self, Text};
 use crate::urdf::Urdf;
-use crate::{bundled, smurf, units, unlisted, yaml};
-
-/// The source of a robot.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Source {
-    /// One of [`crate::bundled`], by name.
-    Bundled(String),
-    /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
-    /// moving joint is independent and active.
-    Files {
-        /// URDF or SMURF.
-        urdf: PathBuf,
-        /// Submechanism YAML.
-        submechanisms: Option<PathBuf>,
-    },
-    /// The contents of files.
-    Text {
-        /// URDF.
-        urdf: Vec<u8>,
-        /// Submechanism YAML.
-        submechanisms: Option<Vec<u8>>,
-    },
-}
+use crate::{units, unlisted, yaml};
 
 /// Options for reading a robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,37 +62,7 @@ pub struct Loaded {
     pub(crate) files: Vec<String>,
 }
 
-/// The contents of a bundled robot.
-fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
-    let Some((urdf, submechanisms)) = bundled::bundled_text(name) else {
-        let names = || bundled::bundled().map(|(name, _)| name);
-        let near = nearest(name, names()).map(str::to_owned);
-        return Err(LoadError::UnknownRobot {
-            name: name.to_owned(),
-            known: names().collect::<Vec<_>>().join(", "),
-            near,
-        });
-    };
-    let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
-    Ok(Contents {
-        urdf: (label("urdf"), urdf.into()),
-        submechanisms: Some((label("yml"), submechanisms.into())),
-        folder: None,
-    })
-}
-
-/// Reads and compiles a robot.
-///
-/// # Errors
-/// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
-/// variants are for sources that cannot be read at all.
-pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let contents = contents(source, &mut diagnostics)?;
-    load_contents(contents, options, diagnostics)
-}
-
-/// As [`load`], of contents that may be missing after an error.
+/// As [`crate::load`], of contents that may be missing after an error.
 pub(crate) fn load_contents(
     contents: Option<Contents>,
     options: &Options,
@@ -167,45 +113,6 @@ impl Loaded {
             }
             _ => Err(LoadError::Faults(report)),
         }
-    }
-}
-
-/// The texts of a source: URDF and submechanisms, as [`Source::Text`] takes them. Files that the
-/// submechanisms name are not among them.
-///
-/// # Errors
-/// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
-pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
-    let mut diagnostics = Diagnostics::new(false);
-    match contents(source, &mut diagnostics)? {
-        Some(Contents { urdf: (_, urdf), submechanisms, .. }) => {
-            Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
-        }
-        None => Err(LoadError::Faults(diagnostics.into_report())),
-    }
-}
-
-pub(crate) fn contents(
-    source: &Source,
-    diagnostics: &mut Diagnostics,
-) -> Result<Option<Contents>, LoadError> {
-    match source {
-        Source::Bundled(name) => bundled_contents(name).map(Some),
-        Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
-            smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
-        }
-        Source::Files { urdf, submechanisms } => {
-            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
-            let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
-            Ok(Some(Contents { urdf: text::read(urdf)?, submechanisms, folder }))
-        }
-        Source::Text { urdf, submechanisms } => Ok(Some(Contents {
-            urdf: ("robot.urdf".to_owned(), urdf.clone()),
-            submechanisms: submechanisms
-                .clone()
-                .map(|bytes| ("submechanisms.yml".to_owned(), bytes)),
-            folder: None,
-        })),
     }
 }
 

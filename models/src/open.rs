@@ -6,7 +6,7 @@ use sarrus_dynamics::description::Description;
 use crate::build::Spans;
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Loaded, Options, Source, compile, contents, describe};
+use crate::load::{Loaded, Options, compile, describe};
 use crate::report::{Diagnostics, Report};
 
 /// A robot that was read but not assessed.
@@ -22,17 +22,7 @@ pub struct Opened {
     diagnostics: Diagnostics,
 }
 
-/// Reads a robot whose loops may be open at its zero pose.
-///
-/// # Errors
-/// As [`crate::load`], without the faults of rank, mobility and mass, which need closed loops.
-pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let contents = contents(source, &mut diagnostics)?;
-    open_contents(contents, options, diagnostics)
-}
-
-/// As [`load_open`], of contents that may be missing after an error.
+/// As [`crate::load_open`], of contents that may be missing after an error.
 pub(crate) fn open_contents(
     contents: Option<Contents>,
     options: &Options,

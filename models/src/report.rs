@@ -43,6 +43,11 @@ impl Diagnostic {
         format!("{}warning: {}", self.position(), self.message())
     }
 
+    /// The line of a note, likewise.
+    pub fn as_note(&self) -> String {
+        format!("{}note: {}; {}", self.position(), self.found, self.help)
+    }
+
     /// The position; a long file name is cut to its end.
     fn position(&self) -> String {
         let Diagnostic { file, line, column, .. } = self;
@@ -80,6 +85,9 @@ pub struct Report {
     pub warnings: Vec<Diagnostic>,
     /// Faults to correct.
     pub errors: Vec<Diagnostic>,
+    /// Choices of a conversion, and parts of its file without influence on the dynamics.
+    #[serde(skip)]
+    pub notes: Vec<Diagnostic>,
 }
 
 impl fmt::Display for Report {
@@ -113,6 +121,7 @@ pub struct Diagnostics {
     files: Vec<String>,
     errors: Pile,
     warnings: Pile,
+    notes: Pile,
     /// Faults of the dynamics that still leave a model count as warnings.
     pub(crate) lenient: bool,
 }
@@ -162,6 +171,12 @@ impl Diagnostics {
     ) {
         let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());
         self.warnings.push(span, diagnostic);
+    }
+
+    /// Adds a note, which expects nothing else.
+    pub fn note(&mut self, span: Span, found: impl Into<String>, help: impl Into<String>) {
+        let diagnostic = self.diagnostic(span, found.into(), String::new(), help.into());
+        self.notes.push(span, diagnostic);
     }
 
     /// A fault of the dynamics that still leaves a model: a warning when the caller is lenient.
@@ -244,6 +259,7 @@ impl Diagnostics {
             robot: None,
             warnings: self.warnings.sorted("warnings"),
             errors: self.errors.sorted("errors"),
+            notes: self.notes.sorted("notes"),
         }
     }
 

@@ -11,7 +11,7 @@ use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_ind
 
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Options, Source, contents, load_contents, urdf_alone};
+use crate::load::{Options, load_contents, urdf_alone};
 use crate::open::open_contents;
 use crate::report::{Diagnostics, Report};
 use crate::submechanisms::kind::{KNOWN, Known, freedoms};
@@ -76,15 +76,12 @@ impl Files<'_> {
     }
 }
 
-/// Proposes a submechanism file for a robot.
-///
-/// # Errors
-/// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
-pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let Some(contents) = contents(source, &mut diagnostics)? else {
-        return Err(LoadError::Faults(diagnostics.into_report()));
-    };
+/// As [`crate::suggest`]; where `drives_all`, each independent joint of one freedom is active.
+pub(crate) fn suggest_for(
+    contents: Contents,
+    options: &Options,
+    drives_all: bool,
+) -> Result<Suggestion, LoadError> {
     let (urdf, robot) = urdf_alone(contents.urdf.clone(), options)?;
     let mut drafts = match &contents.submechanisms {
         Some((name, bytes)) => drafts(name, bytes, &robot)?,
@@ -119,6 +116,14 @@ pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadErr
         }
     }
     let idle: Vec<String> = found.idle.iter().map(name).collect();
+    for draft in drafts.iter_mut().filter(|_| drives_all) {
+        let is_single = |name: &&String| {
+            let is_it = |joint: &&Joint| joint.name == **name;
+            let joint = description.joints.iter().find(is_it);
+            joint.is_some_and(|joint| freedoms(Some(joint.kind)) == 1)
+        };
+        draft.active = draft.independent.iter().filter(is_single).cloned().collect();
+    }
 
     // the closed forms that the geometry has
     for k in 0..drafts.len() {
@@ -347,12 +352,11 @@ impl Draft {
 
     /// The entry in the file.
     fn lines(&self) -> String {
-        let names =
-            |of: &[String]| of.iter().map(|name| plain(name)).collect::<Vec<_>>().join(", ");
+        let names = |of: &[String]| of.iter().map(|name| word(name)).collect::<Vec<_>>().join(", ");
         let mut text =
-            format!("- type: {}\n  contextual_name: {}\n", self.type_name, plain(&self.name));
+            format!("- type: {}\n  contextual_name: {}\n", self.type_name, word(&self.name));
         if let Some(path) = &self.file_path {
-            text += &format!("  file_path: {}\n", plain(path));
+            text += &format!("  file_path: {}\n", word(path));
         }
         text += &format!("  jointnames_spanningtree: [{}]\n", names(&self.tree));
         text += &format!("  jointnames_independent: [{}]\n", names(&self.independent));
@@ -447,7 +451,7 @@ fn loop_lines(node: &Node) -> String {
 fn flow(node: &Node) -> String {
     match &node.value {
         Value::Null => "~".to_owned(),
-        Value::Scalar { text, plain: true } => plain(text),
+        Value::Scalar { text, plain: true } => word(text),
         Value::Scalar { text, .. } => in_quotes(text),
         Value::List(items) => {
             format!("[{}]", items.iter().map(flow).collect::<Vec<_>>().join(", "))
@@ -460,7 +464,7 @@ fn flow(node: &Node) -> String {
 }
 
 /// A word as a list item; in quotes if it is ambiguous.
-fn plain(text: &str) -> String {
+pub(crate) fn word(text: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+./".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) { text.to_owned() } else { in_quotes(text) }
 }

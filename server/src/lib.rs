@@ -81,6 +81,14 @@ enum Command {
     Tidy(commands::tidy::Tidy),
     /// List the bundled robots, or write the files of one.
     Robots(commands::robots::Robots),
+    /// Convert robots of other formats, MJCF among them, into a URDF and a submechanism file.
+    ///
+    /// Writes NAME.urdf and NAME.yml, which `check` reads, with the names of bodies and joints, and
+    /// prints how far the loops are from closed, and the independent joints. Each part that is not
+    /// read is a line FILE:LINE:COLUMN: a note where it has no influence on the dynamics. Ends with
+    /// 0 when all was written, 1 for faulty files and parts that cannot be expressed (--lenient: a
+    /// warning), 2 for wrong flags and files that cannot be opened or written.
+    Import(commands::import::Import),
     /// Print the completions of commands, flags and values for a shell.
     ///
     /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
@@ -158,6 +166,7 @@ pub fn run() -> ExitCode {
         Command::Top(command) => conclude("top", command.run()),
         Command::Tidy(command) => conclude("tidy", command.run()),
         Command::Robots(command) => conclude("robots", command.run()),
+        Command::Import(command) => conclude("import", command.run()),
         Command::Completions(command) => conclude("completions", command.run(Arguments::command())),
         Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]

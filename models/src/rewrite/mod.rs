@@ -8,9 +8,10 @@ use std::ops::Range;
 use sarrus_dynamics::description::{Cut, Description, Joint, Placement};
 
 use crate::base::Base;
-use crate::error::LoadError;
-use crate::load::{Options, Source, texts};
-use crate::open::load_open;
+use crate::contents::Contents;
+use crate::load::Options;
+use crate::open::open_contents;
+use crate::report::Diagnostics;
 
 /// Largest error of a number that was written and read again `[m, rad]`.
 const ROUNDING: f64 = 1e-9;
@@ -38,33 +39,24 @@ pub struct Rewritten {
 type Edit = (Range<usize>, String);
 
 impl NewZero {
-    /// Writes the new zero pose into the texts of a source: origins, limits, calibration and soft
-    /// limits, rests of springs, offsets of couplings, and placements of cuts. Every other byte
-    /// stays. The new texts are read again and compared.
-    ///
-    /// # Errors
-    /// Sources that cannot be read. The inner error names the part that cannot be written by
-    /// position.
-    pub fn write(
+    /// As [`NewZero::write`], of contents.
+    pub(crate) fn write_contents(
         &self,
-        source: &Source,
+        contents: &Contents,
         options: &Options,
-    ) -> Result<Result<Rewritten, String>, LoadError> {
-        let (urdf, submechanisms) = texts(source)?;
-        let Ok(text) = String::from_utf8(urdf) else { return Ok(Err(NOT_TEXT.to_owned())) };
-        let written = urdf::edits(&text, self).map(|edits| edited(&text, edits));
-        let urdf = match written {
-            Ok(written) => written.into_bytes(),
-            Err(why) => return Ok(Err(why)),
-        };
+    ) -> Result<Rewritten, String> {
+        let urdf = contents.urdf.1.clone();
+        let submechanisms = contents.submechanisms.clone().map(|(_, bytes)| bytes);
+        let Ok(text) = String::from_utf8(urdf) else { return Err(NOT_TEXT.to_owned()) };
+        let urdf = edited(&text, urdf::edits(&text, self)?).into_bytes();
         // no file holds a free base
         let first = usize::from(options.base != Base::Fixed);
         let cuts = self.cuts(first);
         if cuts.is_empty() {
-            return Ok(self.verified(Rewritten { urdf, submechanisms: None }, source, options));
+            return self.verified(Rewritten { urdf, submechanisms: None }, contents, options);
         }
         let Some(Ok(text)) = submechanisms.map(String::from_utf8) else {
-            return Ok(Err("cuts that stand in no submechanism file".to_owned()));
+            return Err("cuts that stand in no submechanism file".to_owned());
         };
         // as a block, or within braces
         let mut why = String::new();
@@ -72,12 +64,12 @@ impl NewZero {
             let Some(edits) = yaml::edits(&text, &cuts, in_braces) else { continue };
             let submechanisms = Some(edited(&text, edits).into_bytes());
             let written = Rewritten { urdf: urdf.clone(), submechanisms };
-            match self.verified(written, source, options) {
-                Ok(written) => return Ok(Ok(written)),
+            match self.verified(written, contents, options) {
+                Ok(written) => return Ok(written),
                 Err(error) => why = error,
             }
         }
-        Ok(Err(why))
+        Err(why)
     }
 
     /// The cuts whose placements change: submechanism, counted from `first` on, loop, placement on
@@ -101,17 +93,24 @@ impl NewZero {
     fn verified(
         &self,
         written: Rewritten,
-        source: &Source,
+        contents: &Contents,
         options: &Options,
     ) -> Result<Rewritten, String> {
-        let text = |urdf, submechanisms| Source::Text { urdf, submechanisms };
-        let Ok((urdf, submechanisms)) = texts(source) else { return Err(NOT_TEXT.to_owned()) };
+        let opened = |urdf: &Vec<u8>, submechanisms: Option<&Vec<u8>>| {
+            let named = |name: &str, bytes: &Vec<u8>| (name.to_owned(), bytes.clone());
+            let contents = Contents {
+                urdf: named("robot.urdf", urdf),
+                submechanisms: submechanisms.map(|bytes| named("submechanisms.yml", bytes)),
+                folder: None,
+            };
+            open_contents(Some(contents), options, Diagnostics::new(options.lenient))
+        };
+        let given = contents.submechanisms.as_ref().map(|(_, bytes)| bytes);
         // a robot whose files name others is not whole in its texts
-        if load_open(&text(urdf, submechanisms.clone()), options).is_err() {
+        if opened(&contents.urdf.1, given).is_err() {
             return Ok(written);
         }
-        let submechanisms = written.submechanisms.clone().or(submechanisms);
-        let again = load_open(&text(written.urdf.clone(), submechanisms), options)
+        let again = opened(&written.urdf, written.submechanisms.as_ref().or(given))
             .map_err(|error| format!("the written files cannot be read: {error}"))?;
         match difference(&again.description, &self.new) {
             Some(what) => Err(format!("{what} cannot be written by position")),
@@ -173,7 +172,7 @@ fn edited(text: &str, mut edits: Vec<Edit>) -> String {
 }
 
 /// A number in as few digits as it needs.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     let plain = x.to_string();
     if plain.len() > 24 { format!("{x:e}") } else { plain }
 }

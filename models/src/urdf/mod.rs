@@ -24,6 +24,7 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
+pub(crate) use xml::parse;
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
@@ -160,8 +161,8 @@ impl Urdf {
         let span = reader.span(root);
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
-            let help = "give a URDF file (expand xacro files, convert SDF or MJCF first)";
-            reader.diagnostics.error(span, found, "`robot`", help);
+            let help = "give a URDF or MJCF file (expand xacro files, convert SDF first)";
+            reader.diagnostics.error(span, found, "`robot` or `mujoco`", help);
             return None;
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();

@@ -54,7 +54,7 @@ pub(super) fn drake<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 }
 
 /// Parses the text as XML; `None` after an error.
-pub(super) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option<Document<'t>> {
+pub(crate) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option<Document<'t>> {
     if !guard::is_harmless(text, diagnostics) {
         return None;
     }

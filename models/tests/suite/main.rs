@@ -23,6 +23,7 @@ mod fingerprints;
 mod gazebo;
 mod hostile;
 mod loops;
+mod mjcf;
 mod other_faults;
 mod reading;
 mod rewrite;

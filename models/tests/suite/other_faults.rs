@@ -35,8 +35,8 @@ fn bytes_that_are_not_utf8_are_reported_with_their_position() {
 
 #[test]
 fn another_format_is_reported() {
-    let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot`, give a URDF \
-        file (expand xacro files, convert SDF or MJCF first)\n";
+    let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot` or `mujoco`, give \
+        a URDF or MJCF file (expand xacro files, convert SDF first)\n";
     assert_eq!(reported_of(b"<sdf version=\"1.7\"/>", None, false), expected);
     assert_eq!(
         reported_of(b"name: robot", None, false),

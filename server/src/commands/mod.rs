@@ -13,6 +13,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
+pub(crate) mod import;
 pub(crate) mod man;
 pub(crate) mod output;
 pub(crate) mod progress;

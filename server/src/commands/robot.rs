@@ -45,13 +45,13 @@ pub(crate) struct RobotFlags {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct SourceFlags {
-    /// A URDF file, as --urdf.
+    /// A URDF file, or one of MJCF, as --urdf.
     #[arg(value_name = "FILE.urdf")]
     urdf_file: Option<PathBuf>,
     /// A bundled robot.
     #[arg(long, value_name = "NAME", value_parser = RobotName, hide_possible_values = true)]
     robot: Option<String>,
-    /// A URDF file, or a SMURF file that names one.
+    /// A URDF file, a SMURF file that names one, or a file of MJCF.
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
 }
@@ -136,6 +136,11 @@ impl RobotFlags {
 /// Prints the warnings of a robot that loaded to stderr.
 pub(crate) fn warn(warnings: &[Diagnostic]) {
     eprint!("{}", diagnostics(&[], warnings));
+}
+
+/// The notes of a conversion, likewise.
+pub(crate) fn notes(notes: &[Diagnostic]) -> String {
+    notes.iter().map(|note| note.as_note() + "\n").collect()
 }
 
 /// One diagnostic a line, its position first.

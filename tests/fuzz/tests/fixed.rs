@@ -36,6 +36,11 @@ fn urdf_is_read_or_told() {
 }
 
 #[test]
+fn mjcf_is_read_or_told() {
+    keeps_its_laws("mjcf", 1_000);
+}
+
+#[test]
 fn submechanisms_are_read_or_told() {
     keeps_its_laws("submechanisms", 8_000);
 }

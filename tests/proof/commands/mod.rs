@@ -5,6 +5,7 @@ mod assemble;
 mod check;
 mod closures_page;
 mod generate;
+mod import;
 mod lines;
 mod load_warnings;
 mod parts;

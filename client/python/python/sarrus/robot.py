@@ -75,7 +75,8 @@ class Robot(DescribedRobot):
     ) -> Robot:
         """Load a robot from its files into this process.
 
-        Without a submechanism file every joint is independent and active. `gravity` is in root axes
+        Without a submechanism file every joint is independent and active; a file of MJCF in place
+        of the URDF holds both. `gravity` is in root axes
         [m/s²]; with `lenient` faults of inertia and effects that are not modelled are warnings;
         `floating_base` hangs the root on a free joint; `lock` fixes joints at a position or at
         zero; `only` keeps these links and the links that their motion depends on. A `LoadError` has

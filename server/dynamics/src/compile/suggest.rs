@@ -77,13 +77,25 @@ fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
     // a declared independent may be one freedom of a ball: then no declared one counts
     let [declared, active, on_base] = preferred(cluster);
     let others = [active, on_base].concat();
-    let sets = [[declared, others.clone()].concat(), others].map(|preferred| {
+    let body = |v: usize| cluster.dofs[v].body;
+    let is_single = |v: &usize| (0..cluster.n_v).all(|w| w == *v || body(w) != body(*v));
+    // without the balls, where one of their freedoms is idle
+    let singles = others.iter().copied().chain(0..cluster.n_v).filter(is_single).collect();
+    let sets = [[declared, others.clone()].concat(), others, singles].map(|preferred| {
         let chosen = good_independents(subject, generic, cluster.n_v - rank, &preferred);
         let is_idle = |v: &usize| spins(subject, generic, &chosen, *v);
         let (idle, chosen) = chosen.iter().copied().partition::<Vec<_>, _>(is_idle);
         [idle, chosen]
     });
+    // all freedoms of a joint are independent, or none
+    let are_whole = |chosen: &[usize]| {
+        let is_split = |v: usize| chosen.iter().any(|w| body(*w) == body(v));
+        (0..cluster.n_v).all(|v| chosen.contains(&v) || !is_split(v))
+    };
     let fits = |[_, chosen]: &&[Vec<usize>; 2]| {
+        if !are_whole(chosen) {
+            return false;
+        }
         let mut cluster = cluster.clone();
         cluster.n_vy = chosen.len();
         cluster.dependent = (0..cluster.n_v).filter(|v| !chosen.contains(v)).collect();

@@ -12,7 +12,7 @@ use clap::Args;
 use sarrus_models::{CheckReport, Suggestion, assemble, suggest};
 
 use super::output::{Failure, FormatFlag, Outcome, Results};
-use super::robot::{RobotFlags, diagnostics};
+use super::robot::{RobotFlags, diagnostics, notes};
 use pose::Numbers;
 
 /// Flags of `check`.
@@ -60,7 +60,12 @@ impl Check {
         }
         let mut report = match self.assemble {
             true => self.assembled()?,
-            false => CheckReport::new(&self.robot.load())?,
+            false => {
+                let loaded = self.robot.load();
+                let conversion = loaded.as_ref().map_or(&[][..], |loaded| &loaded.report.notes);
+                eprint!("{}", notes(conversion));
+                CheckReport::new(&loaded)?
+            }
         };
         self.write_files(&mut report).map_err(Failure::start)?;
         let failure = report.assembled.as_ref().and_then(|assembly| assembly.error.as_ref());

@@ -26,6 +26,7 @@ pub struct Target {
 pub const TARGETS: &[Target] = &[
     robot::URDF,
     robot::SUBMECHANISMS,
+    robot::MJCF,
     can::CONFIGURATION,
     can::DBC,
     can::LOG,

@@ -1,9 +1,13 @@
-//! Robot files: URDF alone, and a submechanism file with its URDF.
+//! Robot files: URDF alone, a submechanism file with its URDF, and MJCF.
+
+use std::path::Path;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
-use sarrus_models::{LoadError, Loaded, Options, Source, bundled, bundled_text, load};
+use sarrus_models::{
+    Imported, LoadError, Loaded, Options, Source, bundled, bundled_text, import, load,
+};
 
-use super::{BETWEEN, Check, Target, corpus, diagnostics, law, parts};
+use super::{BETWEEN, Check, Target, corpus, diagnostics, kind, law, parts};
 
 /// The longest bundled URDF that serves as a seed `[byte]`; larger ones are slow.
 const LARGE: usize = 9000;
@@ -144,6 +148,84 @@ pub(super) const SUBMECHANISMS: Target = Target {
         Ok(check)
     },
 };
+
+/// MJCF without the files that it names: these lie nowhere.
+pub(super) const MJCF: Target = Target {
+    name: "mjcf",
+    seeds: corpus!("mjcf/tree.xml", "mjcf/loop.xml"),
+    tokens: &[
+        "<body name=\"a\" pos=\"1 0 0\">",
+        "</body>",
+        "<joint name=\"j\" type=\"slide\"/>",
+        "type=\"ball\"",
+        "<freejoint/>",
+        "<geom size=\"0.1\"/>",
+        "<geom type=\"mesh\" mesh=\"m\"/>",
+        "<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>",
+        "<site name=\"s\"/>",
+        "<frame euler=\"1 2 3\">",
+        "</frame>",
+        "<replicate count=\"3\">",
+        "</replicate>",
+        "count=\"1e9\"",
+        "<default class=\"d\">",
+        "</default>",
+        "class=\"d\"",
+        "childclass=\"d\"",
+        "<equality><connect body1=\"a\" body2=\"b\"/></equality>",
+        "<weld body1=\"a\"/>",
+        "<joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1\"/>",
+        "<motor joint=\"j\" gear=\"2\"/>",
+        "<compiler angle=\"radian\" autolimits=\"false\"/>",
+        "inertiafromgeom=\"true\"",
+        "settotalmass=\"1\"",
+        "<include file=\"a.xml\"/>",
+        "<mesh name=\"m\" file=\"a.stl\"/>",
+        "range=\"-1 1\"",
+        "limited=\"true\"",
+        "quat=\"1 0 0 0\"",
+        "xyaxes=\"1 0 0 0 1 0\"",
+        "zaxis=\"0 0 1\"",
+        "fromto=\"0 0 0 1 0 0\"",
+        "ref=\"1\"",
+        "<key qpos=\"0 0\"/>",
+        "0 0 0",
+        "1e308",
+        "-1",
+        "<!--",
+    ],
+    start: || {
+        let check: Check = Box::new(convert);
+        Ok(check)
+    },
+};
+
+/// A model is converted twice alike, and files without a fault load and move.
+fn convert(input: &[u8]) -> Result<u64, String> {
+    let options = Options { lenient: true, ..Options::default() };
+    let path = Path::new("/nowhere/model.xml");
+    let read = || import(path, Some(input.to_vec()), &[], &options);
+    let report_of = |outcome: &Result<Imported, LoadError>| match outcome {
+        Ok(imported) => Ok(imported.report.clone()),
+        Err(LoadError::Faults(report)) => Ok(report.clone()),
+        Err(other) => Err(format!("a text that cannot be opened: {other}")),
+    };
+    let outcome = read();
+    let report = report_of(&outcome)?;
+    law(report == report_of(&read())?, || "two reports on one text".to_owned())?;
+    let Ok(Imported { urdf, submechanisms, independent, .. }) = outcome else {
+        law(!report.errors.is_empty(), || "refused without an error".to_owned())?;
+        return Ok(report.errors.iter().fold(0, |kinds, of| kinds ^ kind(&of.found)));
+    };
+    if !report.errors.is_empty() {
+        return Ok(kind(&report.errors[0].found));
+    }
+    let source = Source::Text { urdf, submechanisms: Some(submechanisms) };
+    let loaded = load(&source, &options).map_err(|error| format!("written, not read: {error}"))?;
+    let model = &loaded.compiled.model;
+    law(model.info().independent == independent, || "written with other joints".to_owned())?;
+    moves(model)
+}
 
 /// The small bundled robots.
 fn robots() -> impl Iterator<Item = (&'static str, &'static str)> {

@@ -1,0 +1,162 @@
+//! Robots of other formats as a URDF and a submechanism file that `check` accepts.
+
+use std::path::{Path, PathBuf};
+
+use crate::assembly::assemble_contents;
+use crate::assembly_report::AssemblyReport;
+use crate::contents::Contents;
+use crate::error::LoadError;
+use crate::load::{Loaded, Options, load_contents};
+use crate::mjcf::{self, Converted};
+use crate::report::{Diagnostics, Report, Span};
+use crate::suggest::suggest_for;
+use crate::text;
+
+/// A robot of another format.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Imported {
+    /// Name of the robot, and of its files without their endings.
+    pub name: String,
+    /// URDF.
+    pub urdf: Vec<u8>,
+    /// Submechanisms.
+    pub submechanisms: Vec<u8>,
+    /// The report of `check` on both, with the notes of the conversion.
+    pub report: Report,
+    /// Largest scaled residual of the loops at the file's pose; `None` where it is not known.
+    pub residual: Option<f64>,
+    /// The independent joints; empty after an error.
+    pub independent: Vec<String>,
+    /// Loops that are closed near the first keyframe: its name, and the closed pose.
+    pub keyframe: Option<(String, AssemblyReport)>,
+}
+
+/// Converts a robot of MJCF, or a URDF with the loops of some dialect; `expanded` stands for the
+/// file's text. Files that it names are read below its folder or a folder of `include`.
+///
+/// # Errors
+/// Files that cannot be read, and parts that cannot be expressed; the report then has the notes
+/// too. Faults of the converted files are no error of this function: they are in the report.
+pub fn import(
+    path: &Path,
+    expanded: Option<Vec<u8>>,
+    include: &[PathBuf],
+    options: &Options,
+) -> Result<Imported, LoadError> {
+    let (file, bytes) = match expanded {
+        Some(bytes) => (path.display().to_string(), bytes),
+        None => text::read(path)?,
+    };
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let made = match mjcf::is_mjcf(&bytes) {
+        true => of_mjcf(Some(path), (&file, bytes), include, options, &mut diagnostics),
+        false => Some(of_urdf(file, bytes, options)?),
+    };
+    let Some(Made { name, contents, residual, keyframe }) = made else {
+        return Err(LoadError::Faults(diagnostics.into_report()));
+    };
+    let (_, urdf) = contents.urdf.clone();
+    let submechanisms = contents.submechanisms.clone().map(|(_, bytes)| bytes).unwrap_or_default();
+    let loaded = load_contents(Some(contents), options, diagnostics);
+    let (independent, report) = match loaded {
+        Ok(Loaded { compiled, report, .. }) => (compiled.model.info().independent.clone(), report),
+        Err(LoadError::Faults(report)) => (Vec::new(), report),
+        Err(other) => return Err(other),
+    };
+    let name = report.robot.clone().unwrap_or(name);
+    Ok(Imported { name, urdf, submechanisms, report, residual, independent, keyframe })
+}
+
+/// The contents of MJCF, of a file or a text, with the given submechanisms in place of its own;
+/// `None` after an error.
+pub(crate) fn contents(
+    path: Option<&Path>,
+    (file, bytes): (String, Vec<u8>),
+    given: Option<(String, Vec<u8>)>,
+    diagnostics: &mut Diagnostics,
+) -> Option<Contents> {
+    let options = Options { lenient: diagnostics.lenient, ..Options::default() };
+    let Made { mut contents, .. } = of_mjcf(path, (&file, bytes), &[], &options, diagnostics)?;
+    contents.submechanisms = given.or(contents.submechanisms);
+    Some(contents)
+}
+
+/// Converted files, complete.
+struct Made {
+    name: String,
+    contents: Contents,
+    residual: Option<f64>,
+    keyframe: Option<(String, AssemblyReport)>,
+}
+
+fn of_urdf(file: String, bytes: Vec<u8>, options: &Options) -> Result<Made, LoadError> {
+    let contents = Contents { urdf: (file, bytes), submechanisms: None, folder: None };
+    let yaml = suggest_for(contents.clone(), options, false)?.yaml.into_bytes();
+    let submechanisms = Some(("suggested.yml".to_owned(), yaml));
+    let contents = Contents { submechanisms, ..contents };
+    let residual = closed(&contents, options, None).map(|found| found.residual_before);
+    Ok(Made { name: "robot".to_owned(), contents, residual, keyframe: None })
+}
+
+/// The files of a model: independent joints by the rule of [`crate::suggest`], and the nearest
+/// closed pose as the zero pose where the file's is open.
+fn of_mjcf(
+    path: Option<&Path>,
+    named: (&str, Vec<u8>),
+    include: &[PathBuf],
+    options: &Options,
+    diagnostics: &mut Diagnostics,
+) -> Option<Made> {
+    let converted = mjcf::convert(path, named, include, diagnostics)?;
+    let Converted { name, urdf, submechanisms, pose, is_driven } = converted;
+    let mut contents = Contents {
+        urdf: (format!("{name}.urdf"), urdf.into_bytes()),
+        submechanisms: Some((format!("{name}.yml"), submechanisms.into_bytes())),
+        folder: None,
+    };
+    // a fault of the converted files is reported when they are read
+    let suggested = |contents: &mut Contents| {
+        let found = suggest_for(contents.clone(), options, !is_driven).ok()?;
+        contents.submechanisms = Some((format!("{name}.yml"), found.yaml.into_bytes()));
+        Some(found.report.errors.is_empty())
+    };
+    let is_good = suggested(&mut contents) == Some(true);
+    let at_zero = closed(&contents, options, None);
+    let residual = at_zero.as_ref().map(|found| found.residual_before);
+    // loops that are open in the file's pose
+    if let Some(zero) = at_zero.and_then(|found| found.zero).filter(|_| !is_good)
+        && let Ok(written) = zero.write_contents(&contents, options)
+    {
+        let found = "the loops are open in the file's pose";
+        let help = "the zero pose is the nearest closed one; q counts from there";
+        diagnostics.note(Span::start(0), found, help);
+        contents.urdf.1 = written.urdf;
+        if let (Some(to), Some(from)) = (&mut contents.submechanisms, written.submechanisms) {
+            to.1 = from;
+        }
+        suggested(&mut contents);
+    }
+    let keyframe =
+        pose.and_then(|(key, pose)| Some((key, closed(&contents, options, Some(&pose))?)));
+    Some(Made { name, contents, residual, keyframe })
+}
+
+/// The closed pose near one that is given by name, or near the zero pose; `None` of faulty files.
+fn closed(
+    contents: &Contents,
+    options: &Options,
+    near: Option<&[(String, f64)]>,
+) -> Option<AssemblyReport> {
+    let given = |names: &[String], mut zero: Vec<f64>| {
+        for (name, value) in near.unwrap_or_default() {
+            if let Some(k) = names.iter().position(|of| of == name) {
+                zero[k] = *value;
+            }
+        }
+        Ok::<_, ()>(zero)
+    };
+    let ones = |names: &[String]| Ok(vec![1.0; names.len()]);
+    let diagnostics = Diagnostics::new(options.lenient);
+    assemble_contents(contents, options, &diagnostics, given, ones).ok()?.ok()?.assembled
+}

@@ -1,0 +1,492 @@
+//! The tree of bodies: frames, joints, inertia and sites.
+
+use std::collections::BTreeMap;
+
+use sarrus_dynamics::description::{Inertial, Placement, Terms};
+
+use super::compiler::{Compiler, FromGeoms};
+use super::document::Element;
+use super::geom::{self, Part};
+use super::item::{Classes, Item};
+use super::mesh::Meshes;
+use super::pose::{Pose, unit};
+use crate::inertia::principal_moments;
+use crate::report::{Diagnostics, Span, quoted};
+use crate::rotation::rotated;
+
+/// Most bodies, joints, geoms and sites of a model with its repetitions.
+const MOST_PARTS: usize = 10_000;
+
+/// The motion of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Hinge,
+    Slide,
+    Ball,
+    Free,
+}
+
+/// A joint; its coordinate is zero in the file's pose, MuJoCo's is `reference` there.
+pub(super) struct Joint {
+    pub(super) name: String,
+    pub(super) span: Span,
+    pub(super) body: usize,
+    pub(super) kind: Kind,
+    /// Anchor and unit axis {body}.
+    pub(super) pos: [f64; 3],
+    pub(super) axis: [f64; 3],
+    pub(super) reference: f64,
+    pub(super) range: Option<[f64; 2]>,
+    pub(super) effort: f64,
+    pub(super) terms: Terms,
+    pub(super) friction: f64,
+    /// The joints that it follows, and the offset.
+    pub(super) coupling: Option<(Vec<(String, f64)>, f64)>,
+    /// Where an equality holds it.
+    pub(super) held: Option<f64>,
+    /// The sum of its actuators' largest forces; `None` where it is not driven.
+    pub(super) drive: Option<f64>,
+}
+
+/// A body.
+pub(super) struct Body {
+    pub(super) name: String,
+    span: Span,
+    pub(super) parent: usize,
+    /// In the parent's frame, in the file's pose.
+    pub(super) pose: Pose,
+    /// Indices of its joints, in the order in which they act.
+    pub(super) joints: Vec<usize>,
+    pub(super) inertial: Option<Inertial>,
+    explicit: Option<Inertial>,
+    parts: Vec<Part>,
+}
+
+impl Joint {
+    /// Whether it has one coordinate.
+    pub(super) fn is_single(&self) -> bool {
+        matches!(self.kind, Kind::Hinge | Kind::Slide)
+    }
+}
+
+impl Body {
+    fn new(name: String, span: Span, parent: usize, pose: Pose) -> Body {
+        Body {
+            name,
+            span,
+            parent,
+            pose,
+            joints: Vec::new(),
+            inertial: None,
+            explicit: None,
+            parts: Vec::new(),
+        }
+    }
+}
+
+/// The bodies of a model; the first one is the world.
+pub(super) struct Tree {
+    pub(super) bodies: Vec<Body>,
+    pub(super) joints: Vec<Joint>,
+    /// Body and pose of each site.
+    pub(super) sites: BTreeMap<String, (usize, Pose)>,
+}
+
+impl Tree {
+    pub(super) fn body(&self, name: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.name == name)
+    }
+
+    pub(super) fn joint(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// The moving joints between two bodies.
+    pub(super) fn between(&self, bodies: [usize; 2]) -> Vec<usize> {
+        let chains = bodies.map(|mut body| {
+            let mut chain = vec![body];
+            while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
+                body = of.parent;
+                chain.push(body);
+            }
+            chain
+        });
+        let only = |k: usize| {
+            let other = &chains[1 - k];
+            chains[k].iter().filter(|body| !other.contains(body))
+        };
+        let path = only(0).chain(only(1)).filter_map(|body| self.bodies.get(*body));
+        let moves = |j: &usize| self.joints.get(*j).is_some_and(|joint| joint.held.is_none());
+        path.flat_map(|of| &of.joints).copied().filter(moves).collect()
+    }
+
+    /// A body on the world without mass.
+    pub(super) fn add_body(&mut self, name: String, span: Span) -> usize {
+        self.bodies.push(Body::new(name, span, 0, Pose::NONE));
+        self.bodies.len() - 1
+    }
+
+    /// Puts the joints into the order of their bodies.
+    fn sort_joints(&mut self) {
+        self.joints.sort_by_key(|joint| joint.body);
+        self.bodies.iter_mut().for_each(|body| body.joints.clear());
+        for (j, joint) in self.joints.iter().enumerate() {
+            if let Some(body) = self.bodies.get_mut(joint.body) {
+                body.joints.push(j);
+            }
+        }
+    }
+
+    /// A joint of its body, behind the others.
+    pub(super) fn add_joint(&mut self, joint: Joint) {
+        if let Some(body) = self.bodies.get_mut(joint.body) {
+            body.joints.push(self.joints.len());
+        }
+        self.joints.push(joint);
+    }
+
+    /// The pose of a body in the world, in the file's pose.
+    pub(super) fn pose(&self, body: usize) -> Pose {
+        let mut pose = Pose::NONE;
+        let mut body = body;
+        while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
+            pose = of.pose.then(pose);
+            body = of.parent;
+        }
+        pose
+    }
+}
+
+/// The place of an element: its body, the frame within it, class and suffix of names.
+#[derive(Clone)]
+struct Place<'e> {
+    body: usize,
+    frame: Pose,
+    class: Option<&'e str>,
+    suffix: String,
+}
+
+/// Reads the bodies of a model.
+pub(super) struct Walk<'e, 'd> {
+    pub(super) compiler: &'e Compiler,
+    pub(super) classes: &'e Classes<'e>,
+    pub(super) meshes: Meshes<'e>,
+    pub(super) diagnostics: &'d mut Diagnostics,
+    tree: Tree,
+    n_parts: usize,
+}
+
+impl<'e, 'd> Walk<'e, 'd> {
+    pub(super) fn new(
+        compiler: &'e Compiler,
+        classes: &'e Classes<'e>,
+        meshes: Meshes<'e>,
+        diagnostics: &'d mut Diagnostics,
+    ) -> Walk<'e, 'd> {
+        let world = Body::new("world".to_owned(), Span::start(0), 0, Pose::NONE);
+        let tree = Tree { bodies: vec![world], joints: Vec::new(), sites: BTreeMap::new() };
+        Walk { compiler, classes, meshes, diagnostics, tree, n_parts: 0 }
+    }
+
+    /// The tree of all world bodies of a model.
+    pub(super) fn read(mut self, root: &'e Element) -> Tree {
+        for world in root.all("worldbody") {
+            let place = Place {
+                body: 0,
+                frame: Pose::NONE,
+                class: world.text("childclass"),
+                suffix: String::new(),
+            };
+            self.content(world, &place);
+        }
+        self.tree.sort_joints();
+        for body in 1..self.tree.bodies.len() {
+            let inertial = self.inertial_of(body);
+            self.tree.bodies[body].inertial = inertial;
+        }
+        self.scale_mass();
+        self.tree
+    }
+
+    fn content(&mut self, element: &'e Element, place: &Place<'e>) {
+        for child in &element.children {
+            self.n_parts += 1;
+            if self.n_parts > MOST_PARTS {
+                if self.n_parts == MOST_PARTS + 1 {
+                    let found = "the model has too many parts";
+                    let most = format!("at most {MOST_PARTS}");
+                    self.diagnostics.error(child.span, found, most, "repeat fewer of them");
+                }
+                return;
+            }
+            match child.name.as_str() {
+                "body" => self.body(child, place),
+                "frame" => {
+                    let item = Item::plain(child);
+                    let pose = self.compiler.angles.pose(&item, self.diagnostics);
+                    let class = item.text("childclass").or(place.class);
+                    let frame = place.frame.then(pose);
+                    item.get("name");
+                    self.content(child, &Place { frame, class, ..place.clone() });
+                }
+                "replicate" => self.replicate(child, place),
+                "joint" | "freejoint" => self.joint(child, place),
+                "inertial" => self.inertial(child, place),
+                "geom" if place.body != 0 => {
+                    let item = self.classes.item(child, &["geom"], place.class, self.diagnostics);
+                    let part = geom::part(&item, self.compiler, &mut self.meshes, self.diagnostics);
+                    let frame = place.frame;
+                    let part = part.map(|part| Part { pose: frame.then(part.pose), ..part });
+                    self.tree.bodies[place.body].parts.extend(part);
+                }
+                "site" => {
+                    let item = self.classes.item(child, &["site"], place.class, self.diagnostics);
+                    let pose = geom::placed(&item, self.compiler, self.diagnostics).0;
+                    if let Some(name) = item.text("name") {
+                        let name = format!("{name}{}", place.suffix);
+                        let at = (place.body, place.frame.then(pose));
+                        self.tree.sites.insert(name, at);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// A name with its suffix, or a new one.
+    fn name(&mut self, item: &Item<'_>, kind: &str, suffix: &str) -> String {
+        let (n, known): (usize, &dyn Fn(&str) -> bool) = match kind {
+            "body" => (self.tree.bodies.len(), &|name| self.tree.body(name).is_some()),
+            _ => (self.tree.joints.len() + 1, &|name| self.tree.joint(name).is_some()),
+        };
+        let Some(name) = item.text("name").filter(|name| !name.is_empty()) else {
+            let mut name = format!("{kind}_{n}");
+            while known(&name) {
+                name.push('_');
+            }
+            return name;
+        };
+        let name = format!("{name}{suffix}");
+        if known(&name) {
+            self.diagnostics.second(item.span(), kind, &name);
+        }
+        name
+    }
+
+    fn body(&mut self, element: &'e Element, place: &Place<'e>) {
+        let item = Item::plain(element);
+        let name = self.name(&item, "body", &place.suffix);
+        let pose = self.compiler.angles.pose(&item, self.diagnostics);
+        if item.number("gravcomp", self.diagnostics).unwrap_or(0.0) != 0.0 {
+            let found = format!("the body {} has `gravcomp`", quoted(&name));
+            self.diagnostics.dynamics(item.at("gravcomp"), found, "none", "remove it");
+        }
+        if item.flag("mocap", self.diagnostics) == Some(true) {
+            let found = format!("the body {} is moved by motion capture", quoted(&name));
+            let help = "remove `mocap`; the body is fixed";
+            self.diagnostics.dynamics(item.at("mocap"), found, "a body of the tree", help);
+        }
+        let body = self.tree.bodies.len();
+        let pose = place.frame.then(pose);
+        self.tree.bodies.push(Body::new(name, item.span(), place.body, pose));
+        let class = item.text("childclass").or(place.class);
+        let suffix = place.suffix.clone();
+        self.content(element, &Place { body, frame: Pose::NONE, class, suffix });
+    }
+
+    /// The elements of a `<replicate>`, each time one step further.
+    fn replicate(&mut self, element: &'e Element, place: &Place<'e>) {
+        let item = Item::plain(element);
+        let count = item.number("count", self.diagnostics).unwrap_or(0.0).max(0.0) as usize;
+        let offset = item.numbers("offset", self.diagnostics).unwrap_or_default();
+        let euler = item.numbers::<3>("euler", self.diagnostics).unwrap_or_default();
+        let step = Pose { p: offset, r: self.compiler.angles.of_euler(euler) };
+        let sep = item.text("sep").unwrap_or_default();
+        // each suffix has the digits of the last one
+        let width = count.saturating_sub(1).max(1).to_string().len();
+        let mut frame = place.frame;
+        for k in 0..count.min(MOST_PARTS) {
+            let suffix = format!("{}{sep}{k:0width$}", place.suffix);
+            self.content(element, &Place { frame, suffix, ..place.clone() });
+            frame = frame.then(step);
+        }
+    }
+
+    fn joint(&mut self, element: &'e Element, place: &Place<'e>) {
+        let is_free = element.name == "freejoint";
+        let tags: &[&str] = if is_free { &[] } else { &["joint"] };
+        let item = self.classes.item(element, tags, place.class, self.diagnostics);
+        let name = self.name(&item, "joint", &place.suffix);
+        let kinds = [("hinge", Kind::Hinge), ("slide", Kind::Slide), ("ball", Kind::Ball)];
+        let written = if is_free { "free" } else { item.text("type").unwrap_or("hinge") };
+        let mut known = kinds.into_iter().chain([("free", Kind::Free)]);
+        let Some((_, kind)) = known.find(|(name, _)| *name == written) else {
+            let found = format!("the joint type {}", quoted(written));
+            let expected = "hinge, slide, ball or free";
+            self.diagnostics.error(item.at("type"), found, expected, "choose one of them");
+            return;
+        };
+        if kind == Kind::Free && self.tree.bodies[place.body].parent != 0 || place.body == 0 {
+            let found = format!("the joint {} in this place", quoted(&name));
+            let help = "move it to a body; a free one below the world";
+            self.diagnostics.error(item.span(), found, "a joint of a body", help);
+            return;
+        }
+        if item.flag("align", self.diagnostics) == Some(true) {
+            let found = format!("`align` of the joint {} moves the body's frame", quoted(&name));
+            self.diagnostics.dynamics(item.at("align"), found, "false", "remove it");
+        }
+        let angles = &self.compiler.angles;
+        let is_turn = matches!(kind, Kind::Hinge | Kind::Ball);
+        let number = |name: &str, of: &mut Diagnostics| {
+            let number = item.number(name, of).unwrap_or(0.0);
+            if is_turn { angles.radians(number) } else { number }
+        };
+        let reference = number("ref", self.diagnostics);
+        let rest = number("springref", self.diagnostics) - reference;
+        let axis = item.numbers::<3>("axis", self.diagnostics).unwrap_or([0.0, 0.0, 1.0]);
+        let axis = unit(axis);
+        if axis.is_none() {
+            let found = format!("the axis of the joint {} is zero", quoted(&name));
+            self.diagnostics.error(item.at("axis"), found, "a direction as 0 0 1", "correct it");
+        }
+        let pos = item.numbers("pos", self.diagnostics).unwrap_or_default();
+        let range = self.compiler.range(&item, "range", "limited", self.diagnostics);
+        let range = range.map(|range| {
+            range.map(|of| if is_turn { angles.radians(of) - reference } else { of - reference })
+        });
+        let effort =
+            self.compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", self.diagnostics);
+        let terms = Terms {
+            damping: item.linear("damping", self.diagnostics),
+            stiffness: item.linear("stiffness", self.diagnostics),
+            rest,
+            rotor_inertia: item.number("armature", self.diagnostics).unwrap_or(0.0),
+            ..Terms::default()
+        };
+        let joint = Joint {
+            span: item.span(),
+            body: place.body,
+            kind,
+            pos: if kind == Kind::Free { [0.0; 3] } else { place.frame.apply(pos) },
+            axis: rotated(place.frame.r, axis.unwrap_or([0.0, 0.0, 1.0])),
+            reference: if kind == Kind::Ball { 0.0 } else { reference },
+            range,
+            effort: effort.map_or(f64::INFINITY, largest),
+            terms,
+            friction: item.number("frictionloss", self.diagnostics).unwrap_or(0.0),
+            coupling: None,
+            held: None,
+            drive: None,
+            name,
+        };
+        self.check_joint(&item, &joint);
+        self.tree.add_joint(joint);
+    }
+
+    /// Reports terms that a joint of this kind lacks.
+    fn check_joint(&mut self, item: &Item<'_>, joint: &Joint) {
+        let springdamper = item.numbers::<2>("springdamper", self.diagnostics);
+        let Joint { kind, terms, .. } = joint;
+        let is_single = joint.is_single();
+        let faults = [
+            ("springdamper", springdamper.is_some_and(|of| of != [0.0; 2])),
+            ("damping", *kind == Kind::Free && terms.damping != 0.0),
+            ("stiffness", !is_single && terms.stiffness != 0.0),
+            ("armature", !is_single && terms.rotor_inertia != 0.0),
+            ("range", *kind == Kind::Ball && joint.range.is_some()),
+        ];
+        for (name, _) in faults.into_iter().filter(|(_, is_there)| *is_there) {
+            let found = format!("`{name}` of the joint {}", quoted(&joint.name));
+            let help = match name {
+                "springdamper" => "write stiffness and damping as numbers",
+                _ => "remove it; a joint of this type has no such term here",
+            };
+            self.diagnostics.dynamics(item.at(name), found, "none", help);
+        }
+    }
+
+    /// `<inertial>`, the explicit one of its body.
+    fn inertial(&mut self, element: &'e Element, place: &Place<'e>) {
+        let item = Item::plain(element);
+        let pose = self.compiler.angles.pose(&item, self.diagnostics);
+        let mass = item.number("mass", self.diagnostics);
+        let diagonal = item.numbers::<3>("diaginertia", self.diagnostics);
+        let full = item.numbers::<6>("fullinertia", self.diagnostics);
+        for name in ["pos", "mass"] {
+            if !item.has(name) {
+                let found = format!("`inertial` has no `{name}`");
+                self.diagnostics.error(item.span(), found, "both", "add it");
+            }
+        }
+        if full.is_some() && (diagonal.is_some() || pose.r != Pose::NONE.r) {
+            let found = "`fullinertia` beside `diaginertia` or an orientation";
+            let help = "remove one of them";
+            self.diagnostics.error(item.at("fullinertia"), found, "one of them", help);
+        }
+        let inertia = match (full, diagonal) {
+            (Some([xx, yy, zz, xy, xz, yz]), _) => [xx, xy, xz, yy, yz, zz],
+            (None, diagonal) => {
+                let [x, y, z] = diagonal.unwrap_or_default();
+                [x, 0.0, 0.0, y, 0.0, z]
+            }
+        };
+        let origin = place.frame.then(pose).placement();
+        let body = &mut self.tree.bodies[place.body];
+        body.explicit = Some(Inertial { origin, mass: mass.unwrap_or(0.0), inertia });
+    }
+
+    /// The mass and the inertia of a body, by the rules of the compiler.
+    fn inertial_of(&mut self, body: usize) -> Option<Inertial> {
+        let Body { explicit, parts, name, span, .. } = self.tree.bodies.get(body)?;
+        let from_geoms = match self.compiler.from_geoms {
+            FromGeoms::Never => false,
+            FromGeoms::WithoutInertial => explicit.is_none(),
+            FromGeoms::Always => true,
+        };
+        let of_parts = geom::sum(parts).filter(|_| from_geoms).map(|part| Inertial {
+            origin: part.pose.placement(),
+            mass: part.mass,
+            inertia: part.inertia,
+        });
+        let Compiler { least_mass, least_inertia, balances, .. } = *self.compiler;
+        let none = Inertial { origin: Placement::default(), mass: 0.0, inertia: [0.0; 6] };
+        let bounded = (least_mass > 0.0 || least_inertia > 0.0).then_some(none);
+        let mut inertial = of_parts.or(*explicit).or(bounded)?;
+        inertial.mass = inertial.mass.max(least_mass);
+        let [a, b, c] = principal_moments(&inertial.inertia);
+        if a < least_inertia {
+            let [x, xy, xz, y, yz, z] = &mut inertial.inertia;
+            if [*xy, *xz, *yz] == [0.0; 3] {
+                [x, y, z].into_iter().for_each(|of| *of = of.max(least_inertia));
+            } else {
+                let found = format!("`boundinertia` bounds the inertia of {}", quoted(name));
+                let help = "write its inertia about its principal axes";
+                self.diagnostics.dynamics(*span, found, "a diagonal inertia", help);
+            }
+        }
+        if balances && a + b < c {
+            let mean = (a + b + c) / 3.0;
+            inertial.inertia = [mean, 0.0, 0.0, mean, 0.0, mean];
+        }
+        Some(inertial)
+    }
+
+    /// Scales all masses to a given sum.
+    fn scale_mass(&mut self) {
+        let all = || self.tree.bodies.iter().filter_map(|body| body.inertial);
+        let sum: f64 = all().map(|of| of.mass).sum();
+        let wanted = self.compiler.total_mass;
+        if wanted > 0.0 && sum > 0.0 {
+            for inertial in self.tree.bodies.iter_mut().filter_map(|body| body.inertial.as_mut()) {
+                inertial.mass *= wanted / sum;
+                inertial.inertia = inertial.inertia.map(|of| of * wanted / sum);
+            }
+        }
+    }
+}
+
+/// The largest size in a range.
+pub(super) fn largest(range: [f64; 2]) -> f64 {
+    range[0].abs().max(range[1].abs())
+}

@@ -1,0 +1,201 @@
+//! The elements of an MJCF file with its includes, each attribute with its position, and whether
+//! the conversion has read it.
+
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+
+use roxmltree::Node;
+
+use crate::number::{self, NumberFault};
+use crate::report::{Diagnostics, Span, quoted};
+use crate::text::{self, Text};
+use crate::urdf::parse;
+
+/// Most files of one model.
+const MOST_FILES: usize = 256;
+
+/// An element.
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) span: Span,
+    pub(super) attributes: Vec<Attribute>,
+    pub(super) children: Vec<Element>,
+    /// Whether the conversion has read it.
+    pub(super) is_read: Cell<bool>,
+}
+
+/// An attribute.
+pub(super) struct Attribute {
+    pub(super) name: String,
+    pub(super) value: String,
+    pub(super) span: Span,
+    pub(super) is_read: Cell<bool>,
+}
+
+impl Element {
+    /// The value of an attribute, which is then read.
+    pub(super) fn get(&self, name: &str) -> Option<&Attribute> {
+        let found = self.attributes.iter().find(|of| of.name == name)?;
+        found.is_read.set(true);
+        Some(found)
+    }
+
+    /// The text of an attribute.
+    pub(super) fn text(&self, name: &str) -> Option<&str> {
+        self.get(name).map(|of| of.value.trim())
+    }
+
+    /// The children of a name, which are then read.
+    pub(super) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
+        let is_it = move |child: &&Element| child.name == name;
+        self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
+    }
+
+    /// Marks the element, its attributes and all that it holds as read.
+    pub(super) fn read_all(&self) {
+        self.is_read.set(true);
+        self.attributes.iter().for_each(|of| of.is_read.set(true));
+        self.children.iter().for_each(Element::read_all);
+    }
+}
+
+impl Attribute {
+    /// Its numbers, at most `most`; `None` after an error.
+    pub(super) fn numbers(&self, most: usize, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+        let words = self.value.split_ascii_whitespace();
+        let numbers: Result<Vec<f64>, NumberFault> = words.map(number::number).collect();
+        let fault = match numbers {
+            Ok(numbers) if (1..=most).contains(&numbers.len()) => return Some(numbers),
+            Ok(numbers) => NumberFault::Count(numbers.len()),
+            Err(fault) => fault,
+        };
+        let found = format!("`{}`: {fault}", self.name);
+        let expected = format!("at most {}", number::expected(most));
+        diagnostics.error(self.span, found, expected, "correct the value");
+        None
+    }
+}
+
+/// The files of a model: where they may lie, and those that were read.
+pub(super) struct Files {
+    /// The folder of the first file.
+    folder: PathBuf,
+    /// The folders below which files are read, without links.
+    roots: Vec<PathBuf>,
+    read: Vec<PathBuf>,
+}
+
+impl Files {
+    /// The files beside the first one, or below a folder of `include`; a text has none beside it.
+    pub(super) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
+        let Some(first) = first else {
+            return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new() };
+        };
+        let folder = match first.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+            _ => PathBuf::from("."),
+        };
+        let all = [&folder].into_iter().chain(include);
+        let roots = all.filter_map(|folder| folder.canonicalize().ok()).collect();
+        Files { folder, roots, read: Vec::from_iter(first.canonicalize().ok()) }
+    }
+
+    /// The name and the bytes of a file that another one names, relative to the first file's folder
+    /// or to an include folder; `None` after an error.
+    pub(super) fn open(
+        &self,
+        written: &Path,
+        span: Span,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<(PathBuf, String, Vec<u8>)> {
+        let candidates = [&self.folder].into_iter().chain(&self.roots);
+        let found = candidates.map(|folder| folder.join(written)).find(|path| path.exists());
+        let path = found.unwrap_or_else(|| self.folder.join(written));
+        let shown = quoted(&path.display().to_string());
+        // links lead to their targets before the folder is compared
+        let real = match path.canonicalize() {
+            Ok(real) => real,
+            Err(error) => {
+                let found = format!("the file {shown} cannot be opened: {error}");
+                let help = "correct the path, or name its folder by --include-dir";
+                diagnostics.error(span, found, "a readable file", help);
+                return None;
+            }
+        };
+        if !self.roots.iter().any(|root| real.starts_with(root)) {
+            let found = format!("the file {shown} lies outside of the first file's folder");
+            let help = format!(
+                "name its folder: --include-dir {}",
+                real.parent().unwrap_or(&real).display()
+            );
+            diagnostics.error(span, found, "a file below it or below an include folder", help);
+            return None;
+        }
+        match text::read_named(&real) {
+            Ok((_, bytes)) => Some((real, path.display().to_string(), bytes)),
+            Err(error) => {
+                diagnostics.error(span, error.to_string(), "a readable file", "correct the path");
+                None
+            }
+        }
+    }
+}
+
+/// The outermost element of a text, with its includes in their places; `None` after an error.
+pub(super) fn read(
+    name: &str,
+    bytes: Vec<u8>,
+    files: &mut Files,
+    diagnostics: &mut Diagnostics,
+) -> Option<Element> {
+    let text = Text::new(name, bytes, diagnostics)?;
+    let document = parse(&text, diagnostics)?;
+    Some(element(document.root_element(), &text, files, diagnostics))
+}
+
+fn element<'t>(
+    node: Node<'_, 't>,
+    text: &'t Text,
+    files: &mut Files,
+    diagnostics: &mut Diagnostics,
+) -> Element {
+    let attributes = node.attributes().map(|of| Attribute {
+        name: of.name().to_owned(),
+        value: of.value().to_owned(),
+        span: text.span(of.range().start),
+        is_read: Cell::new(false),
+    });
+    let mut read = Element {
+        name: node.tag_name().name().to_owned(),
+        span: text.span(node.range().start),
+        attributes: attributes.collect(),
+        children: Vec::new(),
+        is_read: Cell::new(false),
+    };
+    for child in node.children().filter(Node::is_element) {
+        let child = element(child, text, files, diagnostics);
+        if child.name == "include" {
+            read.children.extend(include(&child, files, diagnostics));
+        } else {
+            read.children.push(child);
+        }
+    }
+    read
+}
+
+/// The elements of the file that an `<include>` names.
+fn include(element: &Element, files: &mut Files, diagnostics: &mut Diagnostics) -> Vec<Element> {
+    let Some(file) = element.get("file") else {
+        diagnostics.error(element.span, "`include` has no `file`", "file=\"…\"", "add it");
+        return Vec::new();
+    };
+    let opened = files.open(Path::new(&file.value), file.span, diagnostics);
+    let Some((real, name, bytes)) = opened else { return Vec::new() };
+    if files.read.contains(&real) || files.read.len() >= MOST_FILES {
+        let found = format!("the file {} is included a second time", quoted(&file.value));
+        diagnostics.error(file.span, found, "each file once", "remove one of them");
+        return Vec::new();
+    }
+    files.read.push(real);
+    read(&name, bytes, files, diagnostics).map_or_else(Vec::new, |root| root.children)
+}

@@ -1,0 +1,213 @@
+//! Fixed tendons and actuators: which coordinates are driven, with which force at most.
+//!
+//! A tendon that is driven, or that has a spring, damping or a range, becomes a joint of its own
+//! without mass, which follows the joints of the tendon: its coordinate is the tendon's length less
+//! that in the file's pose.
+
+use sarrus_dynamics::description::Terms;
+
+use super::body::{Joint, Kind, Tree, largest};
+use super::compiler::Compiler;
+use super::document::Element;
+use super::item::{Classes, Item};
+use crate::report::{Diagnostics, Span, quoted};
+
+/// A fixed tendon.
+pub(super) struct Tendon {
+    pub(super) name: String,
+    span: Span,
+    /// Joints and their coefficients.
+    pub(super) terms: Vec<(String, f64)>,
+    dynamics: Terms,
+    range: Option<[f64; 2]>,
+    effort: f64,
+    friction: f64,
+    /// The sum of its actuators' largest forces; `None` where it is not driven.
+    drive: Option<f64>,
+}
+
+/// The elements of an actuator; a class holds its defaults under any of these names.
+const ACTUATORS: &[&str] = &[
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+];
+
+/// The fixed tendons of a model; others are reported.
+pub(super) fn tendons<'e>(
+    root: &'e Element,
+    classes: &Classes<'e>,
+    compiler: &Compiler,
+    tree: &Tree,
+    diagnostics: &mut Diagnostics,
+) -> Vec<Tendon> {
+    let mut tendons = Vec::new();
+    for element in root.all("tendon").flat_map(|of| &of.children) {
+        let item = classes.item(element, &["tendon"], None, diagnostics);
+        let name = item.text("name").unwrap_or_default().to_owned();
+        let linear = ["stiffness", "damping"].map(|of| item.linear(of, diagnostics));
+        let armature = item.number("armature", diagnostics).unwrap_or(0.0);
+        if item.tag() != "fixed" {
+            element.read_all();
+            if linear != [0.0; 2] || armature != 0.0 {
+                let found = format!("the spatial tendon {} with a spring", quoted(&name));
+                diagnostics.dynamics(item.span(), found, "a fixed tendon", "remove it");
+            }
+            continue;
+        }
+        let mut terms = Vec::new();
+        let mut at_zero = 0.0;
+        for of in element.all("joint").map(Item::plain) {
+            let joint = of.text("joint").unwrap_or_default();
+            let factor = of.number("coef", diagnostics).unwrap_or(0.0);
+            match tree.joint(joint).and_then(|j| tree.joints.get(j)).filter(|of| of.is_single()) {
+                Some(known) => {
+                    at_zero += factor * known.reference;
+                    terms.push((known.name.clone(), factor));
+                }
+                None => {
+                    let found = format!("{} is no hinge or slide of this file", quoted(joint));
+                    diagnostics.error(of.at("joint"), found, "a joint", "correct the name");
+                }
+            }
+        }
+        // −1: the length in the file's pose
+        let rest = item.list("springlength", 2, diagnostics).unwrap_or_default();
+        if linear[0] != 0.0 && matches!(rest[..], [a, b] if a != b) {
+            let found = format!("the spring of the tendon {} has a dead band", quoted(&name));
+            diagnostics.dynamics(item.at("springlength"), found, "one length", "remove it");
+        }
+        let rest = rest.first().copied().filter(|of| *of != -1.0).unwrap_or(at_zero);
+        let range = compiler.range(&item, "range", "limited", diagnostics);
+        let effort = compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", diagnostics);
+        tendons.push(Tendon {
+            name,
+            span: item.span(),
+            terms,
+            dynamics: Terms {
+                damping: linear[1],
+                stiffness: linear[0],
+                rest: rest - at_zero,
+                rotor_inertia: armature,
+                ..Terms::default()
+            },
+            range: range.map(|range| range.map(|of| of - at_zero)),
+            effort: effort.map_or(f64::INFINITY, largest),
+            friction: item.number("frictionloss", diagnostics).unwrap_or(0.0),
+            drive: None,
+        });
+    }
+    tendons
+}
+
+/// Reads the actuators into their joints and tendons.
+pub(super) fn actuators<'e>(
+    root: &'e Element,
+    classes: &Classes<'e>,
+    compiler: &Compiler,
+    tree: &mut Tree,
+    tendons: &mut [Tendon],
+    diagnostics: &mut Diagnostics,
+) {
+    for element in root.all("actuator").flat_map(|of| &of.children) {
+        let item = classes.item(element, ACTUATORS, None, diagnostics);
+        let name = item.text("name").unwrap_or_default();
+        let gear = item.list("gear", 6, diagnostics).unwrap_or_default();
+        let gear = gear.first().copied().unwrap_or(1.0);
+        let limit = limit(&item, compiler, diagnostics);
+        let armature = item.number("armature", diagnostics).unwrap_or(0.0);
+        let damping = item.linear("damping", diagnostics);
+        let on_joint = item.text("joint").or(item.text("jointinparent"));
+        let on_tendon = item.text("tendon");
+        let joint = tree.joints.iter_mut().find(|of| Some(&*of.name) == on_joint);
+        let joint = joint.filter(|of| of.is_single()).map(|of| (&mut of.terms, &mut of.drive));
+        let tendon = tendons.iter_mut().find(|of| Some(&*of.name) == on_tendon);
+        let tendon = tendon.map(|of| (&mut of.dynamics, &mut of.drive));
+        let Some((terms, drive)) = joint.or(tendon) else {
+            element.read_all();
+            let found =
+                format!("the actuator {} drives no hinge, slide or fixed tendon", quoted(name));
+            diagnostics.dynamics(item.span(), found, "one of them", "remove it");
+            continue;
+        };
+        // τ = gear · force; its rotor turns gear times as fast
+        terms.damping += gear * gear * damping;
+        terms.rotor_inertia += gear * gear * armature;
+        if drive.is_some() {
+            let found = format!("the actuator {} drives the joint of another one", quoted(name));
+            diagnostics.note(item.span(), found, "their forces are one here");
+        }
+        *drive = Some(drive.unwrap_or(0.0) + gear.abs() * limit);
+        if gear != 1.0 {
+            let found = format!("the gear of the actuator {} is {gear}", quoted(name));
+            let help = "τ_u is the force on the joint: gear times that of the actuator";
+            diagnostics.note(item.span(), found, help);
+        }
+    }
+}
+
+/// The largest force of an actuator before its gear.
+fn limit(item: &Item<'_>, compiler: &Compiler, diagnostics: &mut Diagnostics) -> f64 {
+    let force = compiler.range(item, "forcerange", "forcelimited", diagnostics);
+    let control = compiler.range(item, "ctrlrange", "ctrllimited", diagnostics);
+    // the control of a motor is its force
+    let gain = item.list("gainprm", 10, diagnostics).and_then(|of| of.first().copied());
+    let is_force = match item.tag() {
+        "motor" => true,
+        "general" => {
+            item.text("gaintype").is_none_or(|of| of == "fixed")
+                && item.text("biastype").is_none_or(|of| of == "none")
+                && item.text("dyntype").is_none_or(|of| of == "none")
+        }
+        _ => false,
+    };
+    let gain = if item.tag() == "motor" { 1.0 } else { gain.unwrap_or(1.0) };
+    let by_control =
+        control.filter(|_| is_force).map_or(f64::INFINITY, |of| gain.abs() * largest(of));
+    force.map_or(f64::INFINITY, largest).min(by_control)
+}
+
+/// Turns the tendons that act into joints without mass.
+pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &mut Diagnostics) {
+    for tendon in tendons {
+        let Tendon { name, span, terms, dynamics, range, effort, friction, drive } = tendon;
+        let acts = dynamics.stiffness != 0.0
+            || dynamics.damping != 0.0
+            || dynamics.rotor_inertia != 0.0
+            || range.is_some();
+        if !(acts || drive.is_some()) || terms.is_empty() {
+            continue;
+        }
+        let mut unique = name;
+        while unique.is_empty() || tree.joint(&unique).is_some() {
+            unique.push_str("tendon");
+        }
+        let found = format!("the tendon {} becomes a joint without mass", quoted(&unique));
+        let help = "it follows the joints of the tendon";
+        diagnostics.note(span, found, help);
+        let body = tree.add_body(format!("{unique}/tendon"), span);
+        tree.add_joint(Joint {
+            name: unique,
+            span,
+            body,
+            kind: Kind::Slide,
+            pos: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            reference: 0.0,
+            range,
+            effort,
+            terms: dynamics,
+            friction,
+            coupling: Some((terms, 0.0)),
+            held: None,
+            drive,
+        });
+    }
+}

@@ -1,0 +1,208 @@
+//! `<equality>`: cuts of loops, and couplings of joints and tendons.
+
+use sarrus_dynamics::description::Placement;
+
+use super::body::Tree;
+use super::document::Element;
+use super::drive::Tendon;
+use super::item::{Classes, Item};
+use super::pose::{Pose, unit};
+use crate::report::{Diagnostics, Span, quoted};
+
+/// A cut between two bodies.
+pub(super) struct Cut {
+    pub(super) name: String,
+    pub(super) span: Span,
+    pub(super) bodies: [usize; 2],
+    pub(super) places: [Placement; 2],
+    /// It holds the orientation too.
+    pub(super) is_weld: bool,
+}
+
+/// Reads the equalities of a model.
+pub(super) struct Equalities<'e, 'd> {
+    pub(super) classes: &'e Classes<'e>,
+    pub(super) tree: &'d mut Tree,
+    pub(super) tendons: &'d [Tendon],
+    pub(super) diagnostics: &'d mut Diagnostics,
+    pub(super) cuts: Vec<Cut>,
+}
+
+impl<'e> Equalities<'e, '_> {
+    pub(super) fn read(mut self, root: &'e Element) -> Vec<Cut> {
+        for element in root.all("equality").flat_map(|of| &of.children) {
+            let item = self.classes.item(element, &["equality"], None, self.diagnostics);
+            let n = self.cuts.len() + 1;
+            let name = item.text("name").map_or(format!("{}_{n}", item.tag()), Into::into);
+            if item.flag("active", self.diagnostics) == Some(false) {
+                element.read_all();
+                let found = format!("the equality {} is not active: left out", quoted(&name));
+                self.diagnostics.note(item.span(), found, "write active=\"true\" if it is");
+                continue;
+            }
+            let before = self.cuts.len();
+            let is_read = match item.tag() {
+                "connect" | "weld" => self.cut(&item, name.clone()).is_some(),
+                "joint" | "tendon" => self.couple(&item, &name).is_some(),
+                other => {
+                    element.read_all();
+                    let found = format!("the equality {} of {}", quoted(&name), quoted(other));
+                    let help = "remove it";
+                    let expected = "connect, weld, joint or tendon";
+                    self.diagnostics.dynamics(item.span(), found, expected, help);
+                    false
+                }
+            };
+            let softness = ["solref", "solimp"].map(|of| item.text(of));
+            if is_read {
+                let [reference, impedance] = softness.map(|of| of.unwrap_or("as MuJoCo sets it"));
+                let kind = if self.cuts.len() > before { "cut" } else { "coupling" };
+                let found = format!(
+                    "{} is soft in MuJoCo (solref {reference}, solimp {impedance}) and an exact \
+                     {kind} here",
+                    quoted(&name)
+                );
+                self.diagnostics.note(item.span(), found, "nothing to do");
+            }
+        }
+        self.cuts
+    }
+
+    /// Reports a name that stands for nothing.
+    fn missing(&mut self, item: &Item<'_>, name: &str, kind: &str) {
+        let written = quoted(item.text(name).unwrap_or_default());
+        let found = format!("the {kind} {written}, which does not exist");
+        self.diagnostics.error(item.at(name), found, format!("a {kind}"), "correct the name");
+    }
+
+    /// The body that an attribute names; the world without one.
+    fn body(&mut self, item: &Item<'_>, name: &str) -> Option<usize> {
+        let Some(written) = item.text(name) else { return Some(0) };
+        let found = self.tree.body(written);
+        if found.is_none() {
+            self.missing(item, name, "body");
+        }
+        found
+    }
+
+    /// The site that an attribute names.
+    fn site(&mut self, item: &Item<'_>, name: &str) -> Option<(usize, Pose)> {
+        let found = self.tree.sites.get(item.text(name).unwrap_or_default()).copied();
+        if found.is_none() {
+            self.missing(item, name, "site");
+        }
+        found
+    }
+
+    /// `connect` or `weld`.
+    fn cut(&mut self, item: &Item<'_>, name: String) -> Option<()> {
+        let scale = item.number("torquescale", self.diagnostics).unwrap_or(1.0);
+        let is_weld = item.tag() == "weld" && scale != 0.0;
+        let (bodies, poses) = if item.has("site1") || item.has("site2") {
+            let [first, second] = ["site1", "site2"].map(|name| self.site(item, name));
+            let [first, second] = [first?, second?];
+            ([first.0, second.0], [first.1, second.1])
+        } else {
+            if !item.has("body1") {
+                let found = format!("the equality {} has no `body1`", quoted(&name));
+                self.diagnostics.error(item.span(), found, "two bodies", "add it");
+            }
+            let bodies = [self.body(item, "body1"), self.body(item, "body2")];
+            let bodies = [bodies[0]?, bodies[1]?];
+            let [world_1, world_2] = bodies.map(|body| self.tree.pose(body));
+            let relative = world_1.inverse().then(world_2);
+            let anchor = item.numbers::<3>("anchor", self.diagnostics).unwrap_or_default();
+            let relpose = item.numbers::<7>("relpose", self.diagnostics);
+            if item.tag() == "connect" {
+                // the anchor lies in the first body
+                let point = Pose::at(anchor);
+                (bodies, [point, relative.inverse().then(point)])
+            } else {
+                // in the second one, and the pose counts where its quaternion is not zero
+                let given = relpose.and_then(|[x, y, z, qw, qx, qy, qz]| {
+                    Some(Pose { p: [x, y, z], r: unit([qx, qy, qz, qw])? })
+                });
+                let at = Pose::at(anchor);
+                (bodies, [given.unwrap_or_else(|| relative.then(at)), at])
+            }
+        };
+        if bodies[0] == bodies[1] {
+            let found = format!("both ends of the equality {} are one body", quoted(&name));
+            self.diagnostics.error(item.span(), found, "two bodies", "correct one of them");
+            return None;
+        }
+        let places = poses.map(Pose::placement);
+        self.cuts.push(Cut { name, span: item.span(), bodies, places, is_weld });
+        Some(())
+    }
+
+    /// The constant and the slope of `polycoef`, which must be linear.
+    fn line(&mut self, item: &Item<'_>, name: &str) -> Option<[f64; 2]> {
+        let written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
+        if written.iter().skip(2).any(|of| *of != 0.0) {
+            let found = format!("the coupling {} is a polynomial of a higher degree", quoted(name));
+            let help = "write a polynomial of degree 1";
+            self.diagnostics.dynamics(item.at("polycoef"), found, "a straight line", help);
+            return None;
+        }
+        let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
+        Some([number(0, 0.0), number(1, 1.0)])
+    }
+
+    /// The terms of the joint or the tendon that an attribute names.
+    fn terms(&mut self, item: &Item<'_>, name: &str) -> Option<Vec<(String, f64)>> {
+        let written = item.text(name).unwrap_or_default();
+        let is_joint = item.tag() == "joint";
+        let joint = self.tree.joints.iter().find(|of| of.name == written && of.is_single());
+        let tendon = self.tendons.iter().find(|of| of.name == written);
+        let found = match is_joint {
+            true => joint.map(|of| vec![(of.name.clone(), 1.0)]),
+            false => tendon.map(|of| of.terms.clone()),
+        };
+        if found.is_none() {
+            self.missing(item, name, if is_joint { "hinge or slide" } else { "fixed tendon" });
+        }
+        found
+    }
+
+    /// first = a + b second, in coordinates that are zero in the file's pose: one joint follows the
+    /// others, the first one that follows none yet.
+    fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
+        let line = self.line(item, name);
+        let [first, second] = [1, 2].map(|k| format!("{}{k}", item.tag()));
+        let mut terms = self.terms(item, &first)?;
+        let slope = if item.has(&second) { self.terms(item, &second)? } else { Vec::new() };
+        let [constant, factor] = line?;
+        terms.extend(slope.into_iter().map(|(joint, of)| (joint, -factor * of)));
+        // Σ terms = constant
+        let mut sums: Vec<(String, f64)> = Vec::new();
+        for (joint, of) in terms.into_iter().filter(|(_, of)| *of != 0.0) {
+            match sums.iter_mut().find(|(known, _)| *known == joint) {
+                Some((_, sum)) => *sum += of,
+                None => sums.push((joint, of)),
+            }
+        }
+        let is_free = |(joint, of): &(String, f64)| {
+            let joint = self.tree.joint(joint).and_then(|j| self.tree.joints.get(j));
+            *of != 0.0
+                && joint.is_some_and(|joint| joint.coupling.is_none() && joint.held.is_none())
+        };
+        let Some(follower) = sums.iter().position(is_free) else {
+            let found = format!("each joint of the coupling {} follows others", quoted(name));
+            let help = "remove one of the couplings";
+            self.diagnostics.dynamics(item.span(), found, "one that is free", help);
+            return None;
+        };
+        let (joint, divisor) = sums.remove(follower);
+        let j = self.tree.joint(&joint)?;
+        let joint = self.tree.joints.get_mut(j)?;
+        let offset = constant / divisor;
+        if sums.is_empty() {
+            joint.held = Some(offset);
+        } else {
+            let masters = sums.into_iter().map(|(joint, of)| (joint, -of / divisor)).collect();
+            joint.coupling = Some((masters, offset));
+        }
+        Some(())
+    }
+}

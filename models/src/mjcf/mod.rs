@@ -1,0 +1,192 @@
+//! MJCF, the format of MuJoCo, as a URDF and a submechanism file.
+//!
+//! Bodies and joints keep their names. The zero pose is the pose of the file, in which MuJoCo's
+//! coordinate of a joint is its `ref`. Each element is read, or reported: by a note where it has no
+//! influence on the dynamics, and by an error where it has one that cannot be expressed.
+
+mod body;
+mod compiler;
+mod document;
+mod drive;
+mod equality;
+mod geom;
+mod item;
+mod mesh;
+mod pose;
+mod solid;
+mod unread;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use body::{Kind, Tree, Walk};
+use compiler::Compiler;
+use document::{Element, Files};
+use equality::Equalities;
+use item::{Classes, Item};
+use mesh::Meshes;
+use pose::{Pose, unit};
+
+use crate::report::{Diagnostics, quoted};
+
+/// A converted model.
+pub(crate) struct Converted {
+    pub(crate) name: String,
+    pub(crate) urdf: String,
+    /// Its submechanisms, still without independent joints.
+    pub(crate) submechanisms: String,
+    /// The first keyframe: its name, and coordinates by name.
+    pub(crate) pose: Option<(String, Vec<(String, f64)>)>,
+    /// Whether the file has actuators.
+    pub(crate) is_driven: bool,
+}
+
+/// Whether a text is MJCF, by its outermost element.
+pub(crate) fn is_mjcf(bytes: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    while let Some((end, skipped)) = [("<!--", "-->"), ("<?", "?>")]
+        .iter()
+        .find_map(|(start, end)| Some((end, rest.strip_prefix(start)?)))
+    {
+        let Some((_, behind)) = skipped.split_once(end) else { return false };
+        rest = behind.trim_start();
+    }
+    let tag = rest.strip_prefix("<mujoco");
+    tag.is_some_and(|tag| tag.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'))
+}
+
+/// Converts a model; files that it names are read below the folder of `path` or a folder of
+/// `include`. `None` after an error.
+pub(crate) fn convert(
+    path: Option<&Path>,
+    (name, bytes): (&str, Vec<u8>),
+    include: &[PathBuf],
+    diagnostics: &mut Diagnostics,
+) -> Option<Converted> {
+    let mut files = Files::new(path, include);
+    let root = document::read(name, bytes, &mut files, diagnostics)?;
+    root.is_read.set(true);
+    let stem = path.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
+    let model = root.text("model").filter(|name| !name.is_empty());
+    let robot = model.map(str::to_owned).or(stem).unwrap_or_else(|| "robot".to_owned());
+    root.all("asset").for_each(drop);
+    root.all("worldbody").for_each(drop);
+    let compiler = Compiler::new(&root, diagnostics);
+    let flags = compiler::options(&root, diagnostics);
+    let classes = Classes::new(&root, diagnostics);
+    let meshes = Meshes::new(&root, &classes, &compiler, files, diagnostics);
+    let mut tree = Walk::new(&compiler, &classes, meshes, diagnostics).read(&root);
+    let pose = keyframe(&root, &tree, diagnostics);
+    let mut tendons = drive::tendons(&root, &classes, &compiler, &tree, diagnostics);
+    drive::actuators(&root, &classes, &compiler, &mut tree, &mut tendons, diagnostics);
+    let mut cuts = if flags.equality {
+        Equalities {
+            classes: &classes,
+            tree: &mut tree,
+            tendons: &tendons,
+            diagnostics,
+            cuts: Vec::new(),
+        }
+        .read(&root)
+    } else {
+        root.all("equality").for_each(Element::read_all);
+        Vec::new()
+    };
+    drive::into_joints(tendons, &mut tree, diagnostics);
+    cuts.retain(|cut| {
+        let is_needed = !tree.between(cut.bodies).is_empty();
+        if !is_needed {
+            let found = format!("no joint moves between the bodies of {}", quoted(&cut.name));
+            diagnostics.note(cut.span, found, "nothing to do: it is left out");
+        }
+        is_needed
+    });
+    shifted(&tree, diagnostics);
+    unread::report(&root, diagnostics);
+    let is_driven = tree.joints.iter().any(|joint| joint.drive.is_some());
+    if !is_driven {
+        let found = "the model has no actuators";
+        let help = "each independent joint of one freedom is active";
+        diagnostics.note(root.span, found, help);
+    }
+    (!diagnostics.has_errors()).then(|| Converted {
+        urdf: write::urdf(&robot, &tree),
+        submechanisms: write::submechanisms(&robot, &tree, &cuts),
+        name: robot,
+        pose,
+        is_driven,
+    })
+}
+
+/// Notes the joints whose coordinate is not MuJoCo's.
+fn shifted(tree: &Tree, diagnostics: &mut Diagnostics) {
+    for joint in &tree.joints {
+        let name = quoted(&joint.name);
+        if joint.reference != 0.0 {
+            let found = format!("q of {name} is that of MuJoCo less {}", joint.reference);
+            let help = "limits and springs are shifted with it";
+            diagnostics.note(joint.span, found, help);
+        }
+        let at = tree.bodies.get(joint.body).map_or(Pose::NONE, |body| body.pose);
+        if joint.kind == Kind::Free && at != Pose::NONE {
+            let found = format!("q of the free joint {name} counts from the pose of its body");
+            let help = "MuJoCo's pose of the body is that pose, then q";
+            diagnostics.note(joint.span, found, help);
+        }
+        if let Some(at) = joint.held {
+            let found = format!("an equality holds the joint {name}: it is fixed at {at}");
+            diagnostics.note(joint.span, found, "nothing to do");
+        }
+    }
+}
+
+/// The coordinates of the first keyframe with a `qpos`.
+fn keyframe(
+    root: &Element,
+    tree: &Tree,
+    diagnostics: &mut Diagnostics,
+) -> Option<(String, Vec<(String, f64)>)> {
+    let mut keys = root.all("keyframe").flat_map(|of| of.all("key")).map(Item::plain);
+    let key = keys.find(|key| key.has("qpos"))?;
+    let values = key.list("qpos", 1 << 16, diagnostics)?;
+    let count = |kind: Kind| match kind {
+        Kind::Hinge | Kind::Slide => 1,
+        Kind::Ball => 4,
+        Kind::Free => 7,
+    };
+    let needed: usize = tree.joints.iter().map(|joint| count(joint.kind)).sum();
+    if values.len() != needed {
+        let found = format!("`qpos` of `key` holds {} numbers", values.len());
+        diagnostics.error(key.at("qpos"), found, format!("{needed}"), "correct the value");
+        return None;
+    }
+    let name = key.text("name").unwrap_or("1").to_owned();
+    let mut pose = Vec::new();
+    let mut at = 0;
+    // bodies are in the order of their depth first, as MuJoCo's
+    for joint in &tree.joints {
+        let own = values.get(at..at + count(joint.kind))?;
+        at += own.len();
+        let mut add =
+            |suffix: &str, value: f64| pose.push((format!("{}{suffix}", joint.name), value));
+        match own {
+            [value] => add("", value - joint.reference),
+            [rest @ .., w, x, y, z] => {
+                let r = unit([*x, *y, *z, *w])?;
+                let body = tree.bodies.get(joint.body)?.pose;
+                let p = <[f64; 3]>::try_from(rest);
+                let of = match p {
+                    Ok(p) => body.inverse().then(Pose { p, r }),
+                    Err(_) => Pose { p: [0.0; 3], r },
+                };
+                if p.is_ok() {
+                    ["/x", "/y", "/z"].into_iter().zip(of.p).for_each(|(k, x)| add(k, x));
+                }
+                ["/qx", "/qy", "/qz", "/qw"].into_iter().zip(of.r).for_each(|(k, x)| add(k, x));
+            }
+            _ => return None,
+        }
+    }
+    Some((name, pose))
+}

@@ -1,0 +1,163 @@
+//! Poses, and the ways in which MJCF writes an orientation.
+
+use sarrus_dynamics::description::Placement;
+
+use super::item::Item;
+use crate::report::{Diagnostics, quoted};
+use crate::rotation::{cross, dot, product, rotated, rpy};
+
+/// A translation and a unit quaternion x, y, z, w.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    pub(super) p: [f64; 3],
+    pub(super) r: [f64; 4],
+}
+
+impl Pose {
+    pub(super) const NONE: Pose = Pose { p: [0.0; 3], r: [0.0, 0.0, 0.0, 1.0] };
+
+    pub(super) fn at(p: [f64; 3]) -> Pose {
+        Pose { p, ..Pose::NONE }
+    }
+
+    /// This pose, then `inner` in its axes.
+    pub(super) fn then(self, inner: Pose) -> Pose {
+        Pose { p: self.apply(inner.p), r: unit(product(self.r, inner.r)).unwrap_or(self.r) }
+    }
+
+    /// A point of the inner frame in the outer one.
+    pub(super) fn apply(self, point: [f64; 3]) -> [f64; 3] {
+        plus(self.p, rotated(self.r, point))
+    }
+
+    pub(super) fn inverse(self) -> Pose {
+        let [x, y, z, w] = self.r;
+        let r = [-x, -y, -z, w];
+        Pose { p: rotated(r, self.p).map(|x| -x), r }
+    }
+
+    pub(super) fn placement(self) -> Placement {
+        Placement { xyz: self.p, rpy: rpy(self.r) }
+    }
+
+    /// The rotation by an angle about a unit axis.
+    pub(super) fn turn([x, y, z]: [f64; 3], angle: f64) -> [f64; 4] {
+        let sine = (angle / 2.0).sin();
+        [sine * x, sine * y, sine * z, (angle / 2.0).cos()]
+    }
+
+    /// The three columns of the rotation.
+    pub(super) fn axes(self) -> [[f64; 3]; 3] {
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| rotated(self.r, axis))
+    }
+}
+
+pub(super) fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] + b[k])
+}
+
+pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// A vector of length one; `None` of a vanishing one.
+pub(super) fn unit<const N: usize>(v: [f64; N]) -> Option<[f64; N]> {
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length > 1e-14).then(|| v.map(|x| x / length))
+}
+
+/// The least rotation that turns z into a direction.
+pub(super) fn from_z(to: [f64; 3]) -> [f64; 4] {
+    let to = unit(to).unwrap_or([0.0, 0.0, 1.0]);
+    let [x, y, _] = to;
+    let sine = x.hypot(y);
+    let axis = if sine < 1e-10 { [1.0, 0.0, 0.0] } else { [-y / sine, x / sine, 0.0] };
+    Pose::turn(axis, sine.atan2(to[2]))
+}
+
+/// The angles of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Angles {
+    pub(super) in_degrees: bool,
+    /// Axes in their order; lower case for those of the turned frame, upper case for fixed ones.
+    pub(super) sequence: [char; 3],
+}
+
+impl Angles {
+    /// An angle of the file in radians.
+    pub(super) fn radians(&self, angle: f64) -> f64 {
+        if self.in_degrees { angle.to_radians() } else { angle }
+    }
+
+    pub(super) fn of_euler(&self, angles: [f64; 3]) -> [f64; 4] {
+        let mut r = Pose::NONE.r;
+        for (axis, angle) in self.sequence.into_iter().zip(angles) {
+            let mut direction = [0.0; 3];
+            direction["xyz".find(axis.to_ascii_lowercase()).unwrap_or(0)] = 1.0;
+            let next = Pose::turn(direction, self.radians(angle));
+            r = if axis.is_lowercase() { product(r, next) } else { product(next, r) };
+        }
+        r
+    }
+
+    /// `pos` and the orientation of an element; none where it has neither.
+    pub(super) fn pose(&self, item: &Item<'_>, diagnostics: &mut Diagnostics) -> Pose {
+        let p = item.numbers("pos", diagnostics).unwrap_or_default();
+        Pose { p, r: self.orientation(item, diagnostics).unwrap_or(Pose::NONE.r) }
+    }
+
+    /// The orientation, one of five ways; `None` without one.
+    pub(super) fn orientation(
+        &self,
+        item: &Item<'_>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<[f64; 4]> {
+        let ways = ["quat", "axisangle", "xyaxes", "zaxis", "euler"];
+        let given: Vec<&str> =
+            ways.into_iter().filter(|way| item.element.get(way).is_some()).collect();
+        let way = given.first().copied().or_else(|| ways.into_iter().find(|of| item.has(of)))?;
+        if given.len() > 1 {
+            let found = format!("`{}` has the orientations {}", item.tag(), given.join(", "));
+            diagnostics.error(item.span(), found, "one of them", "remove the others");
+        }
+        let r = match way {
+            "quat" => {
+                let [w, x, y, z] = item.numbers(way, diagnostics)?;
+                unit([x, y, z, w])
+            }
+            "axisangle" => {
+                let [x, y, z, angle] = item.numbers(way, diagnostics)?;
+                unit([x, y, z]).map(|axis| Pose::turn(axis, self.radians(angle)))
+            }
+            "zaxis" => unit(item.numbers::<3>(way, diagnostics)?).map(from_z),
+            "euler" => Some(self.of_euler(item.numbers(way, diagnostics)?)),
+            _ => {
+                let [a, b, c, d, e, f] = item.numbers(way, diagnostics)?;
+                of_axes([a, b, c], [d, e, f])
+            }
+        };
+        if r.is_none() {
+            let found = format!("the orientation {} of `{}`", quoted(way), item.tag());
+            diagnostics.error(item.span(), found, "directions that are not zero", "correct it");
+        }
+        r
+    }
+}
+
+/// The rotation whose x axis is `x`, and whose y axis is `y` made perpendicular to it.
+fn of_axes(x: [f64; 3], y: [f64; 3]) -> Option<[f64; 4]> {
+    let x = unit(x)?;
+    let along = dot(x, y);
+    let y = unit(std::array::from_fn(|k| y[k] - along * x[k]))?;
+    let z = cross(x, y);
+    // four times the product of two components, from the largest diagonal part
+    let d = [x[0], y[1], z[2]];
+    let all = [
+        [1.0 + d[0] - d[1] - d[2], x[1] + y[0], x[2] + z[0], y[2] - z[1]],
+        [x[1] + y[0], 1.0 - d[0] + d[1] - d[2], y[2] + z[1], z[0] - x[2]],
+        [x[2] + z[0], y[2] + z[1], 1.0 - d[0] - d[1] + d[2], x[1] - y[0]],
+        [y[2] - z[1], z[0] - x[2], x[1] - y[0], 1.0 + d[0] + d[1] + d[2]],
+    ];
+    let largest = (0..4).fold(0, |best, k| if all[k][k] > all[best][best] { k } else { best });
+    unit(all[largest])
+}

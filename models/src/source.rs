@@ -1,0 +1,180 @@
+//! The source of a robot, and the functions that read one.
+
+use std::path::{Path, PathBuf};
+
+use crate::assembly::assemble_contents;
+use crate::check::CheckReport;
+use crate::contents::Contents;
+use crate::error::LoadError;
+use crate::load::{Loaded, Options, load_contents};
+use crate::names::nearest;
+use crate::open::{Opened, open_contents};
+use crate::report::Diagnostics;
+use crate::rewrite::{NewZero, Rewritten};
+use crate::suggest::{Suggestion, suggest_for};
+use crate::{bundled, import, mjcf, smurf, text};
+
+/// The source of a robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Source {
+    /// One of [`crate::bundled`], by name.
+    Bundled(String),
+    /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
+    /// moving joint is independent and active. A file of MJCF has both, and is converted.
+    Files {
+        /// URDF, SMURF or MJCF.
+        urdf: PathBuf,
+        /// Submechanism YAML.
+        submechanisms: Option<PathBuf>,
+    },
+    /// The contents of files.
+    Text {
+        /// URDF or MJCF.
+        urdf: Vec<u8>,
+        /// Submechanism YAML.
+        submechanisms: Option<Vec<u8>>,
+    },
+}
+
+/// The contents of a bundled robot.
+fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
+    let Some((urdf, submechanisms)) = bundled::bundled_text(name) else {
+        let names = || bundled::bundled().map(|(name, _)| name);
+        let near = nearest(name, names()).map(str::to_owned);
+        return Err(LoadError::UnknownRobot {
+            name: name.to_owned(),
+            known: names().collect::<Vec<_>>().join(", "),
+            near,
+        });
+    };
+    let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
+    Ok(Contents {
+        urdf: (label("urdf"), urdf.into()),
+        submechanisms: Some((label("yml"), submechanisms.into())),
+        folder: None,
+    })
+}
+
+/// Reads and compiles a robot.
+///
+/// # Errors
+/// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
+/// variants are for sources that cannot be read at all.
+pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    load_contents(contents, options, diagnostics)
+}
+
+/// Reads a robot whose loops may be open at its zero pose.
+///
+/// # Errors
+/// As [`load`], without the faults of rank, mobility and mass, which need closed loops.
+pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    open_contents(contents, options, diagnostics)
+}
+
+/// Proposes a submechanism file for a robot.
+///
+/// # Errors
+/// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
+pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    let Some(contents) = contents(source, &mut diagnostics)? else {
+        return Err(LoadError::Faults(diagnostics.into_report()));
+    };
+    suggest_for(contents, options, false)
+}
+
+/// Reads a robot and closes it near a pose.
+///
+/// `near` and `weights` make the lists from the names of the coordinates and of the velocities, and
+/// the zero pose; their error is returned. The report describes the robot; for files that are open
+/// at zero it describes the robot with the found pose as its zero pose, and the faults of the files
+/// become warnings.
+///
+/// # Errors
+/// Sources that cannot be read at all. The inner error is that of `near` or `weights`.
+pub fn assemble<E>(
+    source: &Source,
+    options: &Options,
+    near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
+    weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
+) -> Result<Result<CheckReport, E>, LoadError> {
+    let mut diagnostics = Diagnostics::new(options.lenient);
+    match contents(source, &mut diagnostics)? {
+        Some(contents) => assemble_contents(&contents, options, &diagnostics, near, weights),
+        None => CheckReport::new(&Err(LoadError::Faults(diagnostics.into_report()))).map(Ok),
+    }
+}
+
+impl NewZero {
+    /// Writes the new zero pose into the texts of a source: origins, limits, calibration and soft
+    /// limits, rests of springs, offsets of couplings, and placements of cuts. Every other byte
+    /// stays. The new texts are read again and compared.
+    ///
+    /// # Errors
+    /// Sources that cannot be read. The inner error names the part that cannot be written by
+    /// position.
+    pub fn write(
+        &self,
+        source: &Source,
+        options: &Options,
+    ) -> Result<Result<Rewritten, String>, LoadError> {
+        // a conversion that drops parts is refused where the robot is loaded
+        let mut diagnostics = Diagnostics::new(true);
+        match contents(source, &mut diagnostics)? {
+            Some(contents) => Ok(self.write_contents(&contents, options)),
+            None => Err(LoadError::Faults(diagnostics.into_report())),
+        }
+    }
+}
+
+/// The texts of a source: URDF and submechanisms, as [`Source::Text`] takes them. Files that the
+/// submechanisms name are not among them.
+///
+/// # Errors
+/// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
+pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
+    // a conversion that drops parts is refused where the robot is loaded
+    let mut diagnostics = Diagnostics::new(true);
+    match contents(source, &mut diagnostics)? {
+        Some(Contents { urdf: (_, urdf), submechanisms, .. }) => {
+            Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
+        }
+        None => Err(LoadError::Faults(diagnostics.into_report())),
+    }
+}
+
+pub(crate) fn contents(
+    source: &Source,
+    diagnostics: &mut Diagnostics,
+) -> Result<Option<Contents>, LoadError> {
+    match source {
+        Source::Bundled(name) => bundled_contents(name).map(Some),
+        Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
+            smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
+        }
+        Source::Files { urdf, submechanisms } => {
+            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
+            let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
+            let read = text::read(urdf)?;
+            if mjcf::is_mjcf(&read.1) {
+                return Ok(import::contents(Some(urdf), read, submechanisms, diagnostics));
+            }
+            Ok(Some(Contents { urdf: read, submechanisms, folder }))
+        }
+        Source::Text { urdf, submechanisms } => {
+            let read = ("robot.urdf".to_owned(), urdf.clone());
+            let submechanisms =
+                submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes));
+            if mjcf::is_mjcf(urdf) {
+                return Ok(import::contents(None, read, submechanisms, diagnostics));
+            }
+            Ok(Some(Contents { urdf: read, submechanisms, folder: None }))
+        }
+    }
+}

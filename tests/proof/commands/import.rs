@@ -1,0 +1,70 @@
+//! `sarrus import`: files, exit codes, and MJCF wherever a URDF stands.
+
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
+
+use super::{Folder, Run, run, sarrus};
+
+const PLAIN: &str = r#"<robot name="plain"><link name="a"/><link name="b"/>
+  <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+</robot>"#;
+
+fn model(name: &str) -> String {
+    format!("{}/../models/tests/suite/mjcf/{name}.xml", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn an_imported_model_is_checked_asked_and_not_written_over() {
+    let folder = Folder::new("import");
+    let into = folder.file("kept", "").replace("kept", "mine");
+    let done = run(&["import", &model("ankle"), "--out", &into], b"");
+    assert_eq!(done.code, Some(0), "{}", done.err);
+    let files: Vec<&str> = done.out.lines().take(2).collect();
+    assert_eq!(files, [format!("{into}/ankle.urdf"), format!("{into}/ankle.yml")]);
+    assert!(done.out.contains("independent  motor_1 motor_2\n"), "{}", done.out);
+    assert!(done.out.contains("closure      "), "{}", done.out);
+    let note = "ankle.xml:50:5: note: the gear of the actuator `m2` is 3; τ_u is the force on";
+    assert!(done.err.contains(note), "{}", done.err);
+    assert_eq!(run(&["check", files[0], files[1]], b"").code, Some(0));
+
+    // the model itself gives the same answers
+    let line = b"{\"y\": [0.1, -0.05], \"yd\": [1, 2], \"want\": [\"q\", \"tau_u\"]}\n";
+    let written = run(&["ask", "inverse-dynamics", files[0], files[1]], line);
+    let direct = run(&["ask", "inverse-dynamics", "--urdf", &model("ankle")], line);
+    assert!(written.out.contains("\"ok\""), "{}", written.out);
+    assert_eq!(written.out, direct.out);
+
+    assert_eq!(run(&["import", &model("ankle"), "--out", &into], b"").code, Some(2));
+    assert_eq!(run(&["import", &model("missing"), "--out", &into], b"").code, Some(2));
+    let spring = "<mujoco><worldbody><body><joint stiffness=\"1 2\"/><geom size=\"1\"/></body>\
+                  </worldbody></mujoco>";
+    let spring = folder.file("spring.xml", spring);
+    let strict = run(&["import", &spring, "--out", &into], b"");
+    assert_eq!(strict.code, Some(1), "{}", strict.err);
+    let expected = "spring.xml:1:33: `stiffness` of `joint` is not linear";
+    assert!(strict.err.contains(expected), "{}", strict.err);
+    let lenient = run(&["import", &spring, "--out", &into, "--lenient"], b"");
+    assert_eq!(lenient.code, Some(0), "{}", lenient.err);
+}
+
+#[test]
+fn macros_are_expanded_by_the_program_xacro_on_request() {
+    let folder = Folder::new("import-xacro");
+    let file = folder.file("robot.urdf.xacro", PLAIN);
+    let program = folder.file("xacro", "#!/bin/sh\nexec cat \"$1\"\n");
+    fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+    let programs = program.replace("/xacro", "");
+    let import = |programs: &str| {
+        let mut command = Command::new(sarrus());
+        command.args(["import", "--xacro", &file, "--out", &format!("{programs}/mine")]);
+        Run::of(command.env("PATH", format!("{programs}:/bin:/usr/bin")), b"")
+    };
+    let done = import(&programs);
+    assert_eq!(done.code, Some(0), "{}", done.err);
+    assert!(done.out.contains("plain.urdf"), "{}", done.out);
+    fs::write(&program, "#!/bin/sh\necho no such macro >&2\nexit 3\n").unwrap();
+    let failed = import(&programs);
+    assert_eq!(failed.code, Some(1));
+    assert!(failed.err.contains("no such macro"), "{}", failed.err);
+}
