@@ -102,6 +102,14 @@ impl FailedState {
             Status::Late => {
                 "the deadline passed first; allow more time, or ask other clients for less"
             }
+            Status::NotReached => {
+                "no pose was found that meets all tasks; the numbers are those of the nearest one, \
+                 and `binding` names the bounds that hold it"
+            }
+            Status::Infeasible => {
+                "no pose was found that breaks no bound; `binding` names those that contradict, \
+                 widen them or give another `y_guess`"
+            }
             Status::ShuttingDown => "the server is stopping; ask again when it is back",
             Status::CorruptAnswer => {
                 "memory was changed on the way, the checksum fails; ask again, and find out which \

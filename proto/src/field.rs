@@ -6,6 +6,11 @@ use core::ops::{BitOr, BitOrAssign, Sub};
 use crate::Sizes;
 use crate::wire_enum::wire_enum;
 
+/// Numbers of a task in [`Field::TaskTarget`].
+pub const TASK_NUMBERS: usize = 11;
+/// Most solutions of one answer.
+pub const MAX_SOLUTIONS: usize = 16;
+
 wire_enum! {
     /// A named block of numbers in a request or an answer. Fields are packed in the order of their
     /// numbers.
@@ -187,9 +192,12 @@ wire_enum! {
         /// G_uᵀ τ_u of the forces τ_u within the limits with the least Σ ((τ_u − τ_u*) / τ_max)²
         /// from those of τ_y (n_vy).
         ClipNearest = 77, "clip_nearest";
-        /// 1 for the actuators at their limits at `margin` times τ_y, else 0 (n_u).
+        /// 1 at an active upper bound, −1 at a lower one, else 0: position, velocity and actuator
+        /// force of each tree coordinate; a last row for the clearance (n_v + 1 × 3). The bounds
+        /// that a search met, or the forces at their limits at `margin` times τ_y.
         Binding = 78, "binding";
-        /// Time since the state of the given `observer` `[s]` (1).
+        /// Time since the state of the given `observer`, or in which a step keeps its limits `[s]`
+        /// (1).
         Dt = 79, "dt";
         /// Bandwidth of the observer `[1/s]` (1).
         Gain = 80, "gain";
@@ -198,6 +206,40 @@ wire_enum! {
         Observer = 81, "observer";
         /// Forces along the independents that none of the given ones explains (n_vy).
         TauExternal = 82, "tau_external";
+        /// Inertia of the frames together, Λ = (J M_y⁻¹ Jᵀ)⁺ (6 n_frames × 6 n_frames).
+        TaskInertia = 83, "Lambda";
+        /// Force of velocities and dampers at the frames, μ = Λ (J M_y⁻¹ h − J̇ ẏ) (6 n_frames).
+        TaskBias = 84, "mu";
+        /// Force of gravity and springs at the frames, p = Λ J M_y⁻¹ g (6 n_frames).
+        TaskGravity = 85, "p_task";
+        /// Rank of J M_y⁻¹ Jᵀ, and its least singular value that counts over the largest (2).
+        TaskRank = 86, "task_rank";
+        /// Targets of the tasks: position, quaternion x, y, z, w, direction of the frame's z axis,
+        /// weight; numbers of parts that a task does not have are not read (n_frames × 11).
+        TaskTarget = 87, "task_target";
+        /// Target of the centre of mass, in the root frame `[m]` (3).
+        ComTarget = 88, "com_target";
+        /// Least and greatest value of each independent coordinate, instead of the model's
+        /// (n_qy × 2).
+        BoundsY = 89, "bounds_y";
+        /// Least and greatest value of each actuator coordinate, instead of the model's (n_u × 2).
+        BoundsU = 90, "bounds_u";
+        /// Least `sigma_min` (1).
+        Clearance = 91, "clearance";
+        /// Independent coordinates from which a search starts (n_qy).
+        YGuess = 92, "y_guess";
+        /// Independent coordinates to stay near to, after all tasks (n_qy).
+        YPreferred = 93, "y_preferred";
+        /// Distance or angle to each target, the larger one, and of the centre of mass, NaN without
+        /// one (n_frames + 1).
+        TaskResidual = 94, "task_residual";
+        /// Independent coordinates of every solution found, NaN behind the last (16 × n_qy).
+        Solutions = 95, "solutions";
+        /// Wanted twist of each frame, or its wanted acceleration, and the weight (n_frames × 7).
+        TaskMotion = 96, "task_motion";
+        /// Moment and force of the ground on each held frame, root axes at its origin; NaN for the
+        /// others (n_frames × 6).
+        ContactForces = 97, "contact_forces";
     }
 }
 
@@ -276,12 +318,24 @@ impl Field {
             ReflectedForce | Clip | ClipNearest => (p.n_vy, 1),
             GainsY => (p.n_vy, 2 * s.n_vy + 1),
             Margin => (1, 1),
-            Binding => (s.n_u, 1),
             Com | ComBias => (3, 1),
             ComJacobian => (3, s.n_vy),
             Momentum => (6, 1),
             Centroidal => (6, s.n_vy),
-            Energy => (2, 1),
+            Energy | TaskRank => (2, 1),
+            TaskInertia => (6 * n_frames, 6 * n_frames),
+            TaskBias | TaskGravity => (6 * n_frames, 1),
+            TaskTarget => (n_frames, TASK_NUMBERS),
+            ComTarget => (3, 1),
+            BoundsY => (s.n_qy, 2),
+            BoundsU => (s.n_u, 2),
+            Clearance => (1, 1),
+            YGuess | YPreferred => (s.n_qy, 1),
+            TaskResidual => (n_frames + 1, 1),
+            Binding => (s.n_v + 1, 3),
+            Solutions => (MAX_SOLUTIONS, s.n_qy),
+            TaskMotion => (n_frames, 7),
+            ContactForces => (n_frames, 6),
         }
     }
 
@@ -325,7 +379,7 @@ impl Field {
         use Field::*;
         matches!(
             self,
-            Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled
+            Residual | Iterations | NearestY | SigmaMin | GoodIndependents | Uncontrolled | Binding
         )
     }
 }

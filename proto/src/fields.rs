@@ -121,12 +121,31 @@ fields! {
     Margin "1" "-" "largest s such that the actuators can give s τ_y";
     Clip "n_vy" "N, N m" "s τ_y with s ≤ 1 and s ≤ `margin`";
     ClipNearest "n_vy" "N, N m" "G_uᵀ τ_u of the τ_u within the limits nearest to that of τ_y";
-    Binding "n_u" "-" "1 for the actuators at their limits at `margin` times τ_y, else 0";
-    Dt "1" "s" "time since the state of `observer`";
+    Binding "n_v + 1 × 3" "-"
+        "1 or −1 at an active bound of position, velocity, effort; last row: clearance";
+    Dt "1" "s" "time since the state of `observer`, or of a step";
     Gain "1" "1/s" "bandwidth of the observer";
     Observer "n_vy × 3" "mixed"
         "state of the momentum observer: external force, momentum, its rate without that force";
     TauExternal "n_vy" "N m, N" "forces along the independents that no given one explains";
+    TaskInertia "6 n_frames × 6 n_frames" "mixed" "inertia of the frames, Λ = (J M_y⁻¹ Jᵀ)⁺";
+    TaskBias "6 n_frames" "N m, N" "force of velocities and dampers, Λ (J M_y⁻¹ h − J̇ ẏ)";
+    TaskGravity "6 n_frames" "N m, N" "force of gravity and springs, Λ J M_y⁻¹ g";
+    TaskRank "2" "-" "rank of J M_y⁻¹ Jᵀ; its least singular value that counts over the largest";
+    TaskTarget "n_frames × 11" "m, -"
+        "target of each task: position, quaternion x, y, z, w, direction of the z axis, weight";
+    ComTarget "3" "m" "target of the centre of mass in the root frame";
+    BoundsY "n_qy × 2" "m, rad" "bounds of y instead of the model's";
+    BoundsU "n_u × 2" "m, rad" "bounds of u instead of the model's";
+    Clearance "1" "-" "least `sigma_min`";
+    YGuess "n_qy" "m, rad" "y from which a search starts";
+    YPreferred "n_qy" "m, rad" "y to stay near to, after all tasks";
+    TaskResidual "n_frames + 1" "m, rad"
+        "distance or angle to each target, the larger one; last that of the centre of mass";
+    Solutions "16 × n_qy" "m, rad" "y of every solution found, NaN behind the last";
+    TaskMotion "n_frames × 7" "mixed" "wanted twist or acceleration [ω; v] of each frame, weight";
+    ContactForces "n_frames × 6" "N m, N"
+        "moment and force of the ground on each held frame, root axes at its origin; others NaN";
 }
 
 #[cfg(test)]
@@ -158,8 +177,9 @@ mod tests {
         };
         for (entry, field) in FIELDS.iter().zip(Field::ALL) {
             assert_eq!(entry.field, *field);
+            let term = |term: &str| term.split(' ').map(size).product::<usize>();
             let mut factors =
-                entry.shape.split(" × ").map(|part| part.split(' ').map(size).product());
+                entry.shape.split(" × ").map(|part| part.split(" + ").map(term).sum());
             let shape = (factors.next().unwrap(), factors.next().unwrap_or(1));
             assert_eq!(shape, field.shape(&sizes, n_frames, n_wrenches), "{}", field.name());
         }

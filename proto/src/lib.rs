@@ -14,6 +14,7 @@ mod fnv;
 mod info;
 mod layout;
 mod query;
+mod request;
 mod rows;
 mod status;
 pub mod watch;
@@ -51,13 +52,15 @@ pub mod socket;
 pub mod supervision;
 
 pub use answer::{Answer, FailedState};
-pub use field::{Field, FieldSet, MOST_VERTEX_COORDINATES, MOST_VERTICES, most_vertices};
+pub use field::{Field, FieldSet, MAX_SOLUTIONS, TASK_NUMBERS};
+pub use field::{MOST_VERTEX_COORDINATES, MOST_VERTICES, most_vertices};
 pub use fields::{FIELDS, FieldEntry};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};
-pub use query::{Axes, Query, QueryError, QueryOptions, Request, Tolerance};
-pub use query::{MAX_DIRECTIONS, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES, OF_ACTUATOR_FORCES};
+pub use query::{Axes, Query, QueryError, QueryOptions, Tolerance};
+pub use query::{MAX_CONTACTS, MAX_DIRECTIONS, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES};
+pub use request::{OF_ACTUATOR_FORCES, Request, TaskParts};
 pub use rows::Rows;
 pub use status::{Status, Warnings};
 

@@ -1,5 +1,6 @@
 use core::fmt;
 
+use crate::request::{OF_ACTUATOR_FORCES, Request, TaskParts};
 use crate::wire_enum::wire_enum;
 use crate::{Field, FieldSet, MOST_VERTEX_COORDINATES, ModelInfo, Rows};
 
@@ -11,106 +12,12 @@ pub const MAX_WRENCHES: usize = 16;
 pub const MAX_DIRECTIONS: usize = 64;
 /// Most runs of neighbouring joints of one plan.
 pub const MAX_JOINT_RUNS: usize = 31;
+/// Most frames of a query that are held.
+pub const MAX_CONTACTS: usize = 4;
 /// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Words of a query that have no meaning yet.
-const RESERVED: usize = 14;
-
-wire_enum! {
-    /// The kinds of request.
-    Request: u32 {
-        /// Positions, velocities, accelerations, closures, frames.
-        Kinematics = 1, "kinematics";
-        /// Motion to forces.
-        InverseDynamics = 2, "inverse-dynamics";
-        /// Forces to motion.
-        ForwardDynamics = 3, "forward-dynamics";
-        /// Positions, velocities, accelerations and forces from one space to another.
-        Map = 4, "map";
-        /// Motion and forces of the actuators to the forces from outside.
-        Observe = 5, "observe";
-    }
-}
-
-/// Fields that read the forces of the actuators or of the independents.
-pub const OF_ACTUATOR_FORCES: [Field; 5] =
-    [Field::GainsY, Field::Margin, Field::Clip, Field::ClipNearest, Field::Binding];
-
-impl Request {
-    /// The wanted fields of a request that names none.
-    pub const fn default_want(self) -> FieldSet {
-        match self {
-            Request::Kinematics | Request::Map => {
-                FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U])
-            }
-            Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
-            Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
-            Request::Observe => FieldSet::of(&[Field::TauExternal, Field::Observer]),
-        }
-    }
-
-    /// The fields that a request of this kind can give.
-    const fn inputs(self) -> FieldSet {
-        use Field::*;
-        const MOTION: FieldSet = VELOCITY.with(Ydd).with(Qdd).with(Udd);
-        const VELOCITY: FieldSet = STATE.with(Directions).with(GainsU);
-        const STATE: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
-        const OBSERVED: FieldSet = FieldSet::of(&[Wrenches, TauQ, TauY, TauU, Dt, Gain, Observer]);
-        match self {
-            Request::Kinematics => MOTION,
-            Request::InverseDynamics => MOTION.with(Wrenches),
-            Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
-            Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
-            Request::Observe => FieldSet(STATE.0 | OBSERVED.0),
-        }
-    }
-
-    /// The fields that an answer to a request of this kind can hold.
-    const fn outputs(self) -> FieldSet {
-        use Field::*;
-        // every field except given-only ones, and the forces and masses of some requests
-        const ANSWERS: FieldSet = FieldSet::of(Field::ALL)
-            .without(FieldSet::of(&[QGuess, QdGuess, Wrenches, Directions, GainsU]))
-            .without(FieldSet::of(&[Dt, Gain, Observer, TauExternal]));
-        const FORCES: FieldSet = FieldSet::of(&[TauQ, TauY, TauU, TauUnactuated]);
-        const MASSES: FieldSet = FieldSet::of(&[
-            Lambda,
-            LambdaDeterminate,
-            MY,
-            CY,
-            CondMy,
-            TorqueVerticesNet,
-            TorqueSupportNet,
-        ]);
-        const OF_FORCES: FieldSet = FieldSet::of(&[
-            DtauYDy,
-            DtauYDyd,
-            DtauUDy,
-            DtauUDyd,
-            DtauUnactuatedDy,
-            DtauUnactuatedDyd,
-        ]);
-        const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU]);
-        const LIMITED: FieldSet = FieldSet::of(&OF_ACTUATOR_FORCES);
-        const INVERSE: FieldSet = ANSWERS.without(OF_ACCELERATIONS);
-        const STATE: FieldSet =
-            INVERSE.without(FORCES).without(MASSES).without(OF_FORCES).without(LIMITED);
-        match self {
-            Request::Kinematics => STATE.with(GainsY),
-            Request::InverseDynamics => INVERSE,
-            Request::ForwardDynamics => {
-                ANSWERS.without(FORCES).without(OF_FORCES).without(LIMITED).with(TauY)
-            }
-            Request::Map => FieldSet(STATE.with(TauY).with(TauU).with(TauUnactuated).0 | LIMITED.0),
-            Request::Observe => FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, TauExternal, Observer])
-                .with(Residual)
-                .with(Iterations)
-                .with(SigmaMin)
-                .with(NearestY)
-                .with(Limits),
-        }
-    }
-}
+const RESERVED: usize = 10;
 
 wire_enum! {
     /// Axes and reference point of the twists, accelerations and Jacobians of frames.
@@ -239,6 +146,8 @@ pub struct Query {
     pub relative_to: u32,
     /// Number of given directions of supports.
     pub n_directions: u64,
+    /// Of a request with tasks: the parts of each of `frames`.
+    pub tasks: [TaskParts; MAX_FRAMES],
     /// Zeros: room for numbers of rows, links and parameters of later requests. A server refuses
     /// those that it does not know.
     pub reserved: [u64; RESERVED],
@@ -267,6 +176,8 @@ pub enum QueryError {
     UnknownLink(u16),
     /// Runs of joints that are empty, out of order or beyond the model's joints.
     BadJoints,
+    /// A task is malformed, or names no part of a frame.
+    BadTask(&'static str),
     /// A field cannot be given to this request.
     NotAnInput(Field),
     /// This request cannot return a field.
@@ -299,6 +210,7 @@ impl fmt::Display for QueryError {
             QueryError::BadJoints => f.write_str(
                 "runs of joints are empty, out of order, or beyond the joints of the model",
             ),
+            QueryError::BadTask(why) => f.write_str(why),
             QueryError::NotAnInput(field) => {
                 write!(f, "`{}` is no input of this request", field.name())
             }
@@ -334,6 +246,7 @@ impl Query {
             axes: Axes::Mixed as u32,
             relative_to: 0,
             n_directions: 0,
+            tasks: [TaskParts(0); MAX_FRAMES],
             reserved: [0; RESERVED],
         }
     }
@@ -365,6 +278,20 @@ impl Query {
     pub fn with_frames(mut self, links: &[u16]) -> Query {
         self.n_frames = links.len().min(u16::MAX as usize) as u16;
         self.frames.iter_mut().zip(links).for_each(|(slot, link)| *slot = *link);
+        self
+    }
+
+    /// Sets the tasks, as links with their parts; adds [`Field::TaskTarget`] to the given fields of
+    /// inverse kinematics, [`Field::TaskMotion`] to those of other requests. Tasks beyond
+    /// [`MAX_FRAMES`] are counted and refused by [`Query::check`].
+    #[must_use]
+    pub fn with_tasks(mut self, tasks: &[(u16, TaskParts)]) -> Query {
+        self.n_frames = tasks.len().min(u16::MAX as usize) as u16;
+        for ((frame, parts), task) in self.frames.iter_mut().zip(&mut self.tasks).zip(tasks) {
+            (*frame, *parts) = *task;
+        }
+        let request = Request::from_code(self.request).unwrap_or(Request::InverseKinematics);
+        self.given = self.given.with(request.of_tasks());
         self
     }
 
@@ -450,6 +377,7 @@ impl Query {
         self.check_links(model)?;
         self.check_joints(model)?;
         self.check_given(request)?;
+        self.check_tasks(request)?;
         self.check_want(request)?;
         self.check_motors(model)?;
         Ok(request)
@@ -518,8 +446,17 @@ impl Query {
                 return Err(QueryError::Conflict(a, b));
             }
         }
+        if request == Request::InverseKinematics {
+            return match self.given.has_any(&[TaskTarget, ComTarget]) {
+                true => Ok(()),
+                false => Err(QueryError::Missing("what to reach: give tasks or com")),
+            };
+        }
         if !self.given.has_any(&[Y, Q, U]) {
             return Err(QueryError::Missing("where the robot is: give y, q or u"));
+        }
+        if request.has_tasks() && !self.given.has(Dt) {
+            return Err(QueryError::Missing("the time of a step: give dt"));
         }
         let needs_forces = matches!(request, Request::ForwardDynamics | Request::Observe);
         if needs_forces && !self.given.has_any(&[TauQ, TauY, TauU]) {
@@ -530,6 +467,31 @@ impl Query {
         }
         if request == Request::Observe && !(self.given.has(Dt) && self.given.has(Gain)) {
             return Err(QueryError::Missing("the time step and the bandwidth: give dt and gain"));
+        }
+        Ok(())
+    }
+
+    fn check_tasks(&self, request: Request) -> Result<(), QueryError> {
+        let is_reached = request.has_tasks();
+        let n = if is_reached { self.n_frames as usize } else { 0 };
+        let (asked, others) = self.tasks.split_at(n.min(MAX_FRAMES));
+        if !asked.iter().all(|parts| parts.is_task(request))
+            || others.iter().any(|parts| parts.0 != 0)
+        {
+            return Err(QueryError::BadTask("a task asks for nothing, or for something unknown"));
+        }
+        let is_held = |parts: &&TaskParts| parts.contains(TaskParts::HELD);
+        if asked.iter().filter(is_held).count() > MAX_CONTACTS {
+            return Err(QueryError::TooMany { what: "contacts", limit: MAX_CONTACTS });
+        }
+        if is_reached && self.given.has(request.of_tasks()) != (n > 0) {
+            return Err(QueryError::BadTask("tasks and frames are not the same in number"));
+        }
+        if request == Request::Step && self.relative_to != 0 {
+            return Err(QueryError::BadTask("forces of contacts are in root axes"));
+        }
+        if is_reached && self.axes != Axes::Mixed as u32 {
+            return Err(QueryError::BadTask("targets are in root axes, or in those of a link"));
         }
         Ok(())
     }

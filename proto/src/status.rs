@@ -53,6 +53,11 @@ wire_enum! {
         OtherProcess = 17, "other_process";
         /// The deadline of the request passed before its answer was there. The numbers are NaN.
         Late = 18, "late";
+        /// No pose was found that meets all tasks; the numbers are those of the nearest one that
+        /// breaks no bound.
+        NotReached = 19, "not_reached";
+        /// No pose was found that breaks no bound; `binding` names the bounds that contradict.
+        Infeasible = 20, "infeasible";
     }
 }
 
@@ -123,7 +128,7 @@ mod tests {
             assert_eq!(*status as usize, code);
             assert_eq!(Status::from_code(code as u32), Some(*status));
         }
-        for code in [19, 1 << 31, u32::MAX] {
+        for code in [21, 1 << 31, u32::MAX] {
             assert_eq!(Status::from_code(code), None);
             assert_eq!(Status::of_answer(code), Status::UnknownStatus);
         }

@@ -136,6 +136,15 @@ enum Command {
     /// status names the reason), 2 for wrong flags and files that cannot be opened.
     #[cfg(feature = "simulate")]
     Simulate(Box<commands::simulate::Simulate>),
+    /// Time a path within force, speed and stroke of the actuators.
+    ///
+    /// The fastest motion from rest to rest along a smooth curve through the rows of PATH, as a
+    /// table of t, y, yd, ydd and tau_u. Inverse dynamics looks at it again between the rows, where
+    /// it exceeds no limit by more than 0.1 %. Ends with 0, with 1 for a bad robot and for a path
+    /// that cannot be driven or held at rest on the way, whose line and actuator are named, with 2
+    /// for wrong flags and tables.
+    #[cfg(feature = "simulate")]
+    Time(commands::time::Time),
 }
 
 /// Runs the command of this process's arguments and returns its exit code.
@@ -179,5 +188,7 @@ pub fn run() -> ExitCode {
         Command::Capability(command) => conclude("capability", command.run()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
+        #[cfg(feature = "simulate")]
+        Command::Time(command) => conclude("time", command.run()),
     }
 }

@@ -83,7 +83,13 @@ fn smaller(model: &Model, large: &Query, seeded: &mut Seeded) -> (Query, Vec<usi
         Field::Binding,
     ];
     let share = [0.1, 0.4, 0.9][seeded.below(3)];
-    let want = large.want.iter().filter(|field| !counted.contains(field));
+    // of all frames together
+    use Field::{TaskBias, TaskGravity, TaskInertia, TaskRank};
+    let together = [TaskInertia, TaskBias, TaskGravity, TaskRank];
+    let are_all = links.len() == large.frames().len();
+    let is_counted =
+        |field: &Field| counted.contains(field) || !are_all && together.contains(field);
+    let want = large.want.iter().filter(|field| !is_counted(field));
     let want: FieldSet = want.filter(|_| seeded.chance(share)).collect();
     let mut query = Query { want, n_frames: 0, ..*large }.with_frames(&links);
     if seeded.chance(0.7) {

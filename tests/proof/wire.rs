@@ -32,9 +32,10 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
         offset_of!(Query, axes),
         offset_of!(Query, relative_to),
         offset_of!(Query, n_directions),
+        offset_of!(Query, tasks),
         offset_of!(Query, reserved),
     ];
-    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304, 312]);
+    assert_eq!(offsets, [0, 4, 6, 16, 32, 48, 56, 64, 72, 136, 168, 172, 296, 300, 304, 312, 344]);
     assert_eq!(
         (size_of::<FieldSet>(), size_of::<Status>(), size_of::<Request>(), size_of::<Field>()),
         (16, 4, 4, 1)
@@ -43,7 +44,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 83] = [
+    const NAMES: [&str; 98] = [
         "y",
         "yd",
         "ydd",
@@ -127,6 +128,21 @@ fn fields_keep_their_numbers_and_names() {
         "gain",
         "observer",
         "tau_external",
+        "Lambda",
+        "mu",
+        "p_task",
+        "task_rank",
+        "task_target",
+        "com_target",
+        "bounds_y",
+        "bounds_u",
+        "clearance",
+        "y_guess",
+        "y_preferred",
+        "task_residual",
+        "solutions",
+        "task_motion",
+        "contact_forces",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -138,7 +154,7 @@ fn fields_keep_their_numbers_and_names() {
 
 #[test]
 fn statuses_and_requests_keep_their_numbers_and_names() {
-    const NAMES: [&str; 19] = [
+    const NAMES: [&str; 21] = [
         "ok",
         "bad_request",
         "non_finite_input",
@@ -158,15 +174,26 @@ fn statuses_and_requests_keep_their_numbers_and_names() {
         "unknown_status",
         "other_process",
         "late",
+        "not_reached",
+        "infeasible",
     ];
     for (code, name) in NAMES.into_iter().enumerate() {
         assert_eq!(Status::from_code(code as u32).map(Status::name), Some(name));
     }
-    let requests = ["kinematics", "inverse-dynamics", "forward-dynamics", "map", "observe"];
+    let requests = [
+        "kinematics",
+        "inverse-dynamics",
+        "forward-dynamics",
+        "map",
+        "observe",
+        "ik",
+        "diff-ik",
+        "step",
+    ];
     for (code, name) in (1..).zip(requests) {
         assert_eq!(Request::from_code(code).map(Request::name), Some(name));
     }
-    assert_eq!((Request::from_code(0), Request::from_code(6)), (None, None));
+    assert_eq!((Request::from_code(0), Request::from_code(9)), (None, None));
 }
 
 #[test]
@@ -339,7 +366,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
 
 #[test]
 fn a_number_that_this_version_does_not_know_has_no_meaning() {
-    for code in [19, 20, 1 << 16, u32::MAX] {
+    for code in [21, 22, 1 << 16, u32::MAX] {
         assert_eq!((Status::from_code(code), Status::name_of(code)), (None, "unknown"));
         assert_eq!(Status::of_answer(code), Status::UnknownStatus);
     }

@@ -137,6 +137,15 @@ enum sarrus_status
      */
     SARRUS_STATUS_LATE = 18,
     /**
+     * No pose was found that meets all tasks; the numbers are those of the nearest one that breaks
+     * no bound.
+     */
+    SARRUS_STATUS_NOT_REACHED = 19,
+    /**
+     * No pose was found that breaks no bound; binding has those that contradict.
+     */
+    SARRUS_STATUS_INFEASIBLE = 20,
+    /**
      * A pointer that must not be NULL is.
      */
     SARRUS_STATUS_NULL_POINTER = 100,
@@ -397,6 +406,19 @@ enum sarrus_request
      * Motion and forces of the actuators to the forces from outside.
      */
     SARRUS_REQUEST_OBSERVE = 5,
+    /**
+     * Poses of frames to the positions that reach them.
+     */
+    SARRUS_REQUEST_INVERSE_KINEMATICS = 6,
+    /**
+     * Twists of frames to the velocity that gives them, within limits.
+     */
+    SARRUS_REQUEST_DIFFERENTIAL_INVERSE_KINEMATICS = 7,
+    /**
+     * Accelerations of frames to the forces of actuators and contacts that give them, within
+     * limits.
+     */
+    SARRUS_REQUEST_STEP = 8,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -432,6 +454,43 @@ enum sarrus_axes
 typedef enum sarrus_axes sarrus_axes;
 #else
 typedef uint32_t sarrus_axes;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * The parts of a frame that a task is about, and its priority, as bits.
+ */
+enum sarrus_task_part
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The place of its origin.
+     */
+    SARRUS_TASK_PART_POSITION = 1,
+    /**
+     * Its axes.
+     */
+    SARRUS_TASK_PART_ORIENTATION = 2,
+    /**
+     * The direction of its z axis.
+     */
+    SARRUS_TASK_PART_AXIS = 4,
+    /**
+     * Only as far as the tasks without this bit leave room.
+     */
+    SARRUS_TASK_PART_SECOND = 8,
+    /**
+     * Exactly, by forces of the ground: a contact.
+     */
+    SARRUS_TASK_PART_HELD = 16,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum sarrus_task_part sarrus_task_part;
+#else
+typedef uint32_t sarrus_task_part;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -1018,9 +1077,15 @@ typedef struct sarrus_query {
      */
     uint32_t n_directions;
     /**
+     * Of requests with tasks, from SARRUS_REQUEST_INVERSE_KINEMATICS on, for each of `frames` bits
+     * of sarrus_task_part; adds "task_target" to the given fields of that one, "task_motion" to
+     * those of the others. NULL for other requests.
+     */
+    const uint8_t *tasks;
+    /**
      * Zeros, for members of later versions; other values are refused.
      */
-    uint64_t reserved[6];
+    uint64_t reserved[5];
 } sarrus_query;
 
 /**

@@ -90,6 +90,8 @@ struct query {
     const char *relative_to = nullptr;
     /* Number of given directions of supports; adds "directions" to the given fields. */
     std::uint32_t n_directions = 0;
+    /* Bits of sarrus_task_part for each of `frames`, of a request with tasks. */
+    std::vector<std::uint8_t> tasks = {};
 };
 
 /* How a robot is loaded. */
@@ -245,6 +247,9 @@ class robot {
         plain.axes = query.axes;
         plain.relative_to = query.relative_to;
         plain.n_directions = query.n_directions;
+        plain.tasks = query.tasks.size() == query.frames.size() && !query.tasks.empty()
+                          ? query.tasks.data()
+                          : nullptr;
         sarrus_plan *made = nullptr;
         const sarrus_status status = sarrus_robot_prepare(handle_.get(), &plain, &made);
         return {status, plan(made)};

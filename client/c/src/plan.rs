@@ -8,7 +8,7 @@ use std::thread;
 
 use sarrus_client::{Answer, FailedState, Field, Layout, PlanId, Status, Warnings};
 
-use crate::border::{addresses_of, array_beside, arrays, free, make, put, text, texts};
+use crate::border::{addresses_of, array_beside, arrays, bytes, free, make, put, text, texts};
 use crate::failure::{Failure, guarded};
 use crate::robot::{Robot, query_options};
 use crate::status::{StatusCode, bits};
@@ -27,6 +27,13 @@ pub enum Request {
     Map = 4,
     /// Motion and forces of the actuators to the forces from outside.
     Observe = 5,
+    /// Poses of frames to the positions that reach them.
+    InverseKinematics = 6,
+    /// Twists of frames to the velocity that gives them, within limits.
+    DifferentialInverseKinematics = 7,
+    /// Accelerations of frames to the forces of actuators and contacts that give them, within
+    /// limits.
+    Step = 8,
 }
 
 /// Axes and reference point of the twists, accelerations and Jacobians of frames.
@@ -39,6 +46,22 @@ pub enum Axes {
     World = 1,
     /// The frame's axes, at its origin.
     Local = 2,
+}
+
+/// The parts of a frame that a task is about, and its priority, as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum TaskPart {
+    /// The place of its origin.
+    Position = 1,
+    /// Its axes.
+    Orientation = 2,
+    /// The direction of its z axis.
+    Axis = 4,
+    /// Only as far as the tasks without this bit leave room.
+    Second = 8,
+    /// Exactly, by forces of the ground: a contact.
+    Held = 16,
 }
 
 /// Additions to the requests and answers of a query, as bits.
@@ -97,8 +120,12 @@ pub struct Query {
     pub axes: u32,
     /// Number of given directions of supports; adds "directions" to the given fields.
     pub n_directions: u32,
+    /// Of requests with tasks, from SARRUS_REQUEST_INVERSE_KINEMATICS on, for each of `frames` bits
+    /// of sarrus_task_part; adds "task_target" to the given fields of that one, "task_motion" to
+    /// those of the others. NULL for other requests.
+    pub tasks: *const u8,
     /// Zeros, for members of later versions; other values are refused.
-    pub reserved: [u64; 6],
+    pub reserved: [u64; 5],
 }
 
 /// A prepared query of one robot, with the layouts of its input and output. It belongs to the robot
@@ -167,6 +194,17 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
             )*};
         }
         names!(given: n_given, want: n_want, frames: n_frames);
+        if !query.tasks.is_null() {
+            // SAFETY: the header states the requirements on the texts and the bytes.
+            let (links, parts) = unsafe {
+                (
+                    texts("frames", query.frames, query.n_frames)?,
+                    bytes("tasks", query.tasks.cast(), query.n_frames)?,
+                )
+            };
+            let parts = parts.iter().map(|bits| sarrus_client::TaskParts(*bits));
+            builder = builder.tasks(links.into_iter().zip(parts));
+        }
         names!(wrenches: n_wrenches, joints: n_joints);
         if let Some(word) = query.reserved.iter().find(|word| **word != 0) {
             return Err(Failure::Number("reserved", *word as u32));

@@ -47,6 +47,11 @@ pub enum StatusCode {
     OtherProcess = 17,
     /// The deadline of the request passed before its answer was there.
     Late = 18,
+    /// No pose was found that meets all tasks; the numbers are those of the nearest one that breaks
+    /// no bound.
+    NotReached = 19,
+    /// No pose was found that breaks no bound; binding has those that contradict.
+    Infeasible = 20,
     /// A pointer that must not be NULL is.
     NullPointer = 100,
     /// A pointer is not aligned for its type.
@@ -106,7 +111,7 @@ pub enum Warning {
 }
 
 /// All statuses with their names, which are those of the wire for the status of an answer.
-const NAMES: [(StatusCode, &CStr); 39] = [
+const NAMES: [(StatusCode, &CStr); 41] = [
     (StatusCode::Ok, c"ok"),
     (StatusCode::BadRequest, c"bad_request"),
     (StatusCode::NonFiniteInput, c"non_finite_input"),
@@ -126,6 +131,8 @@ const NAMES: [(StatusCode, &CStr); 39] = [
     (StatusCode::UnknownStatus, c"unknown_status"),
     (StatusCode::OtherProcess, c"other_process"),
     (StatusCode::Late, c"late"),
+    (StatusCode::NotReached, c"not_reached"),
+    (StatusCode::Infeasible, c"infeasible"),
     (StatusCode::NullPointer, c"null_pointer"),
     (StatusCode::UnalignedPointer, c"unaligned_pointer"),
     (StatusCode::OverlappingArrays, c"overlapping_arrays"),

@@ -49,7 +49,7 @@ pub use sarrus_proto::control::Holder;
 pub use sarrus_proto::message::{ClientStatistics, Statistics};
 pub use sarrus_proto::{
     Answer, Axes, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
-    QueryOptions, Request, Status, Warnings,
+    QueryOptions, Request, Status, TaskParts, Warnings,
 };
 pub use sarrus_proto::{actuators, watch};
 pub use view::ServerView;

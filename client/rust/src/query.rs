@@ -3,7 +3,7 @@
 use std::fmt;
 
 use sarrus_models::{matching_joints, nearest};
-use sarrus_proto::{Axes, QueryOptions, Request};
+use sarrus_proto::{Axes, QueryOptions, Request, TaskParts};
 use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError};
 
 use crate::{Error, PlanId, Robot};
@@ -124,6 +124,18 @@ impl<'a> QueryBuilder<'a> {
     /// given fields.
     pub fn directions(mut self, count: usize) -> Self {
         self.query = self.query.with_directions(count);
+        self
+    }
+
+    /// The tasks of [`Request::InverseKinematics`]: links, each with the parts of its frame that
+    /// have a target (position, orientation, z axis); adds `task_target` to the given fields. Of
+    /// other requests with tasks: parts that have a wanted motion, `task_motion`. The tasks are the
+    /// frames of the query.
+    pub fn tasks<L: AsRef<str>>(mut self, tasks: impl IntoIterator<Item = (L, TaskParts)>) -> Self {
+        let (names, parts): (Vec<L>, Vec<TaskParts>) = tasks.into_iter().unzip();
+        let links = self.links(names, "frames", MAX_FRAMES);
+        let tasks: Vec<(u16, TaskParts)> = links.into_iter().zip(parts).collect();
+        self.query = self.query.with_tasks(&tasks);
         self
     }
 

@@ -79,6 +79,6 @@ pub use plan::{
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, Axes, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout,
-    ModelInfo, Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, Warnings,
+    ModelInfo, Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, TaskParts, Warnings,
 };
 pub use workspace::Workspace;

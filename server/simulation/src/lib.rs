@@ -7,7 +7,8 @@
 //! file, clock or thread.
 //!
 //! Each module depends only on those before it: `coordinates` and `planned`; `forces`; `motion`,
-//! the right-hand side; `methods`, one a file; `run`.
+//! the right-hand side; `methods`, one a file; `run`. By itself beside them stands `timing`: the
+//! fastest motion along a path ([`time_path`]).
 //!
 //! ```
 //! use sarrus_dynamics::description::{Inertial, JointKind};
@@ -38,6 +39,7 @@ mod methods;
 mod motion;
 mod planned;
 mod run;
+mod timing;
 
 pub use error::SimulationError;
 pub use forces::inputs::{Input, Source, Space};
@@ -51,3 +53,4 @@ pub use run::settings::{Method, Settings};
 pub use run::setup::Setup;
 pub use run::simulate;
 pub use run::start::Start;
+pub use timing::{ALLOWED, Stop, Timed, time_path};

@@ -28,6 +28,8 @@ pub(crate) mod show;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
 pub(crate) mod tidy;
+#[cfg(feature = "simulate")]
+pub(crate) mod time;
 pub(crate) mod top;
 
 /// A flag's values with their names and help.

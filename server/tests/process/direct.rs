@@ -2,12 +2,14 @@
 
 use std::fs;
 use std::io::{Read, Seek, SeekFrom};
+use std::num::NonZero;
 use std::os::unix::fs::FileExt;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use sarrus_client::{
-    Error, Field, Model, Options, QueryOptions, Robot, Source, Status, Transport, Warnings,
+    Answer, Error, Field, FieldSet, Model, Options, Query, QueryOptions, Request, Robot, Source,
+    Status, TaskParts, Transport, Warnings,
 };
 use sarrus_serve::pool;
 
@@ -56,6 +58,53 @@ fn simple_questions_give_the_same_bits_in_process_and_connected() {
         for robot in &mut robots {
             assert_eq!(ask_all(robot, size).unwrap(), expected);
         }
+    }
+}
+
+/// Searches that end in a turn, that need more than one, that reach nothing and that are malformed:
+/// answers and bits of single requests, and the same of a batch.
+fn search_all(robot: &mut Robot) -> [(Vec<Answer>, Vec<u64>); 2] {
+    let link = robot.model().link("ALWristRoll_Link").unwrap();
+    let want = [Field::Y, Field::Q, Field::TaskResidual, Field::Iterations, Field::Binding];
+    let query = Query::new(Request::InverseKinematics, FieldSet::EMPTY, FieldSet::of(&want));
+    let parts = TaskParts::POSITION.with(TaskParts::ORIENTATION);
+    let plan = robot.prepare(&query.with_tasks(&[(link, parts)])).unwrap();
+    let poses = Query::new(Request::Kinematics, Field::Y.into(), Field::FramePose.into());
+    let poses = robot.prepare(&poses.with_frames(&[link])).unwrap();
+    let mut targets = Vec::new();
+    for size in [0.0, 0.1, -0.2, 0.3] {
+        let mut pose = [0.0; 7];
+        let y = vec![size; robot.model().sizes.n_qy];
+        assert_eq!(robot.ask(poses, &y, &mut pose).unwrap().status, Status::Ok);
+        targets.extend([&pose[..], &[0.0, 0.0, 1.0, 1.0]].concat());
+    }
+    targets.extend([9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0]);
+    targets.extend([0.0; 11]);
+
+    let n = robot.plan(plan).unwrap().want().len();
+    let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect();
+    let mut answers = Vec::new();
+    let mut output = vec![0.0; 6 * n];
+    for (target, output) in targets.chunks(11).zip(output.chunks_mut(n)) {
+        answers.push(robot.ask(plan, target, output).unwrap());
+    }
+    let single = (answers.clone(), bits(&output));
+    robot.batch(plan, NonZero::<usize>::MIN, &targets, &mut output, &mut answers).unwrap();
+    [single, (answers, bits(&output))]
+}
+
+#[test]
+fn searches_give_the_same_bits_in_process_and_connected() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.serve("search", &[]);
+    let expected = search_all(&mut local());
+    let statuses: Vec<Status> = expected[0].0.iter().map(|answer| answer.status).collect();
+    assert_eq!(statuses[..4], [Status::Ok; 4]);
+    assert_eq!(statuses[4..], [Status::NotReached, Status::BadRequest]);
+    assert!(expected[0] == expected[1]);
+    for transport in [Transport::Lane, Transport::Service] {
+        let mut robot = sandbox.connect("search", transport).unwrap();
+        assert!(search_all(&mut robot) == expected, "{transport:?}");
     }
 }
 

@@ -10,7 +10,7 @@ use sarrus_proto::message::{
 };
 use sarrus_proto::run::Run;
 use sarrus_proto::socket::MAX_MESSAGE;
-use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName};
+use sarrus_proto::{FieldSet, PROTOCOL_VERSION, Query, QueryOptions, ServerName, TaskParts};
 
 use sarrus_torture::patience::{LIMIT, deadline, poll};
 use sarrus_torture::raw::Raw;
@@ -99,7 +99,9 @@ fn lies_through_the_control_socket_are_refused() {
         Query { request: 99, ..STATE },
         Query { want: FieldSet(u128::MAX), ..STATE },
         Query { options: QueryOptions(16), ..STATE },
-        Query { reserved: [1; 14], ..STATE },
+        Query { reserved: [1; 10], ..STATE },
+        Query { tasks: [TaskParts(1); 32], ..STATE },
+        Query { request: 5, ..STATE },
         Query { axes: 3, ..STATE },
         Query { relative_to: 7_000, ..STATE },
         Query { n_directions: 1, ..STATE },

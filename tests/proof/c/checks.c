@@ -144,9 +144,9 @@ static int plans(void) {
     query.want = NULL;
     IS(sarrus_robot_prepare(robot, &query, &plan), "null_pointer");
     query.want = want;
-    query.reserved[5] = 1;
+    query.reserved[4] = 1;
     IS(sarrus_robot_prepare(robot, &query, &plan), "unknown_number");
-    query.reserved[5] = 0;
+    query.reserved[4] = 0;
     query.n_directions = 65;
     IS(sarrus_robot_prepare(robot, &query, &plan), "bad_query");
     query.n_directions = 0;
@@ -158,6 +158,18 @@ static int plans(void) {
     CHECK(says("`Elbow`"));
     query.relative_to = NULL;
     query.axes = SARRUS_AXES_MIXED;
+    /* a task of a link, whose target has eleven numbers */
+    const char *links[] = {"Elbow_Link"};
+    const uint8_t parts[] = {SARRUS_TASK_PART_POSITION | SARRUS_TASK_PART_ORIENTATION};
+    sarrus_query reach = {0};
+    reach.request = SARRUS_REQUEST_INVERSE_KINEMATICS;
+    reach.frames = links;
+    reach.n_frames = 1;
+    IS(sarrus_robot_prepare(robot, &reach, &plan), "bad_query");
+    reach.tasks = parts;
+    IS(sarrus_robot_prepare(robot, &reach, &plan), "ok");
+    CHECK(sarrus_plan_inputs(plan) == 11);
+    sarrus_plan_free(plan);
     query.options = SARRUS_QUERY_OPTION_TIMES;
     IS(sarrus_robot_prepare(robot, &query, &plan), "ok");
     CHECK(sarrus_plan_inputs(plan) == 2 && sarrus_plan_outputs(plan) == 2);

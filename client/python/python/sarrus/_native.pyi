@@ -148,6 +148,7 @@ class Robot:
         relative_to: str | None = None,
         directions: int = 0,
         friction: bool = False,
+        tasks: bytes | None = None,
     ) -> Query: ...
     @property
     def origin(self) -> Origin: ...

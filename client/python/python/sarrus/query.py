@@ -14,7 +14,16 @@ from sarrus.status import Status, Warnings
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], object]
-RequestName = Literal["kinematics", "inverse-dynamics", "forward-dynamics", "map", "observe"]
+RequestName = Literal[
+    "kinematics",
+    "inverse-dynamics",
+    "forward-dynamics",
+    "map",
+    "observe",
+    "ik",
+    "diff-ik",
+    "step",
+]
 AxesName = Literal["mixed", "world", "local"]
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sarrus import _native
-from sarrus.described import DescribedRobot
 from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
 from sarrus.page import Page
@@ -21,9 +20,10 @@ from sarrus.query import Answer, Array, AxesName, Progress, Query, RequestName
 from sarrus.results import Actuators, Frames, Independents, State
 from sarrus.simulation import Constant, Gains, Method, Simulation, Table
 from sarrus.status import Status, Warnings
+from sarrus.tasks import TaskRobot
 
 
-class Robot(DescribedRobot):
+class Robot(TaskRobot):
     """A robot, made by `Robot.bundled`, `Robot.load`, `Robot.from_text` or `Robot.connect`.
 
     `Robot(urdf, submechanisms)` is `Robot.load`.
@@ -156,6 +156,7 @@ class Robot(DescribedRobot):
         relative_to: str | None = None,
         directions: int = 0,
         friction: bool = False,
+        tasks: Sequence[int] | None = None,
     ) -> Query:
         """Prepare a query of any fields, by the names of `sarrus ask`.
 
@@ -166,9 +167,10 @@ class Robot(DescribedRobot):
         ("world") or in the frame's axes ("local"); the link `relative_to` takes the root's
         place; `directions` is the number of rows of the field of
         that name, which it adds to `given`; with `friction` forces count
-        the friction of joints. A `QueryError` has every unknown name. The work of a
-        state is bounded; with `search` loops are followed, and `nearest_y` is sought, as long as
-        it takes.
+        the friction of joints. `tasks` has the bits of the parts of each of `frames`: 1 position, 2
+        orientation, 4 direction of z, 8 after the others, 16 held. A `QueryError` has every unknown
+        name. The work of a state is bounded; with `search` loops are followed, and `nearest_y` is
+        sought, as long as it takes.
 
         >>> import sarrus
         >>> robot = sarrus.Robot.bundled("lambda")
@@ -192,6 +194,7 @@ class Robot(DescribedRobot):
                 relative_to,
                 directions,
                 friction,
+                None if tasks is None else bytes(tasks),
             )
         )
 

@@ -25,6 +25,8 @@ class Status(IntEnum):
     unknown_status = 16
     other_process = 17
     late = 18
+    not_reached = 19
+    infeasible = 20
 
     def __str__(self) -> str:
         return self.name

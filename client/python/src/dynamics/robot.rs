@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use sarrus_client::{Axes, Field, Request, Status, Warnings};
+use sarrus_client::{Axes, Field, Request, Status, TaskParts, Warnings};
 use sarrus_show::Settings;
 
 use super::arrays::zeros;
@@ -108,7 +108,8 @@ impl PyRobot {
     #[pyo3(name = "_prepare", signature = (
         request, given, want = None, frames = vec![], joints = None, wrenches = vec![],
         checksum = false, search = false, loop_tolerance = None, projection_tolerance = None,
-        axes = "mixed", relative_to = None, directions = 0, friction = false
+        axes = "mixed", relative_to = None, directions = 0, friction = false,
+        tasks = None
     ))]
     fn prepare(
         &self,
@@ -127,6 +128,7 @@ impl PyRobot {
         relative_to: Option<String>,
         directions: usize,
         friction: bool,
+        tasks: Option<Vec<u8>>,
     ) -> PyResult<PyQuery> {
         let known = Request::ALL.iter().copied().find(|known| known.name() == request);
         let known = known.ok_or_else(|| {
@@ -146,7 +148,9 @@ impl PyRobot {
             if let Some(want) = want {
                 query = query.want(want);
             }
-            if !frames.is_empty() {
+            if let Some(parts) = tasks.filter(|parts| !parts.is_empty()) {
+                query = query.tasks(frames.into_iter().zip(parts.into_iter().map(TaskParts)));
+            } else if !frames.is_empty() {
                 query = query.frames(frames);
             }
             if let Some(joints) = joints {

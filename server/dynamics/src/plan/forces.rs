@@ -335,8 +335,15 @@ impl Plan {
         Ok(())
     }
 
+    /// C_y = Gᵀ (C + M g) of gravity and springs alone.
+    pub(super) fn rest_bias<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
+        let scope = &self.needed.scope;
+        algorithms::rest_forces(model, scope, &ws.q, None, &mut ws.motion, &mut ws.tau_q);
+        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+    }
+
     /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
-    fn bias_force<T: Real>(
+    pub(super) fn bias_force<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,

@@ -19,6 +19,7 @@ mod run;
 mod scratch;
 mod state;
 mod steps;
+mod task;
 mod view;
 
 pub use batch::{Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
@@ -39,6 +40,7 @@ use crate::plan::closed::Closed;
 use crate::plan::motors::Motors;
 use crate::plan::needed::Needed;
 use crate::plan::steps::{Space, Steps};
+use crate::plan::task::Tasks;
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
@@ -89,6 +91,8 @@ pub struct Plan {
     needed: Needed,
     motors: Option<Motors>,
     closed: Closed,
+    /// Of a request with tasks.
+    task: Option<Box<Tasks>>,
     /// States of a packet.
     batch_width: usize,
 }
@@ -120,7 +124,11 @@ impl Plan {
         let links = query.wrench_links().iter().map(|link| usize::from(*link)).enumerate();
         let wrench_links: Vec<(usize, usize)> = links.filter(has_effect).collect();
         let loaded: Vec<usize> = wrench_links.iter().map(|(_, link)| *link).collect();
-        let closed = Closed::new(model, query, &needed.scope, &steps);
+        let task = Tasks::of(model, query, method)?.map(Box::new);
+        let closed = match task {
+            None => Closed::new(model, query, &needed.scope, &steps),
+            Some(_) => Closed::default(),
+        };
         let mut plan = Plan {
             query: *query,
             request,
@@ -136,9 +144,10 @@ impl Plan {
             wrench_bodies: supports(model, &loaded),
             frames,
             wrench_links,
-            motors: Motors::new(model, &query.want, &needed)?,
+            motors: if task.is_none() { Motors::new(model, &query.want, &needed)? } else { None },
             needed,
             closed,
+            task,
             batch_width: 1,
         };
         plan.batch_width = plan.batch_width_on(model);
@@ -168,13 +177,33 @@ impl Plan {
     /// The square matrices that a workspace has to have.
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
-        let Steps { mass_matrix, conditions: dense, derivatives, .. } = self.steps;
-        Needs { mass_matrix, dense, kkt, derivatives, motors: self.motors.is_some() }
+        let Steps { mass_matrix, conditions: dense, derivatives, task_space, .. } = self.steps;
+        let frames = if task_space { self.frames.len() } else { 0 };
+        let own = Needs {
+            mass_matrix,
+            dense,
+            kkt,
+            derivatives,
+            motors: self.motors.is_some(),
+            frames,
+            search: self.task.is_some(),
+        };
+        self.inner().map_or(own, |inner| own.and(inner.needs()))
+    }
+
+    /// The ordinary request that one for a step of a motion reads.
+    pub(crate) fn inner(&self) -> Option<&Plan> {
+        self.task.as_ref().and_then(|task| task.inner())
     }
 
     /// True if a request may search as long as it takes.
     pub fn searches(&self) -> bool {
         self.query.options.contains(QueryOptions::SEARCH)
+    }
+
+    /// True if a request may take longer than the bound of the others.
+    pub fn is_long(&self) -> bool {
+        self.searches() || self.task.is_some() && self.inner().is_none()
     }
 
     fn wants(&self, field: Field) -> bool {

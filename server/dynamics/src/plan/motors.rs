@@ -172,7 +172,12 @@ impl Plan {
                 };
                 self.along(model, ws, clipped, |row, x| out[row] = x);
             }
-            Field::Binding => out.copy_from_slice(&own.binding),
+            Field::Binding => {
+                out.fill(T::ZERO);
+                for (x, v) in own.binding.iter().zip(&model.order.u_v) {
+                    out[3 * model.order.v_external[*v] + 2] = *x;
+                }
+            }
             _ => {}
         }
         Status::Ok
@@ -388,8 +393,10 @@ impl Plan {
                         binding.fill(T::ZERO);
                     }
                     margin = lesser(margin, s);
-                    for (_, (u, _)) in rows().filter(|(g, _)| acts(g).is_some()) {
-                        binding[*u] = T::ONE;
+                    for (g, (u, _)) in rows() {
+                        if let Some(c) = acts(g) {
+                            binding[*u] = T::select_lt(c, T::ZERO, -T::ONE, T::ONE);
+                        }
                     }
                 });
             });

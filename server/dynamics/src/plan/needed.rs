@@ -60,6 +60,9 @@ pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
     [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
+/// Fields of all frames together, and of the whole mass matrix.
+pub(super) const OF_THE_TASKS: [Field; 4] =
+    [Field::TaskInertia, Field::TaskBias, Field::TaskGravity, Field::TaskRank];
 /// Forces, and the quantities in their rows.
 const FORCES: [Field; 12] = [
     Field::TauQ,
@@ -195,6 +198,8 @@ fn roots<C>(
         || steps.links
         || steps.derivatives
         || want.has_any(&SUPPORTS)
+        || steps.task_space
+        || request == Request::InverseKinematics
         || !has_rows && !steps.frames
         || request == Request::ForwardDynamics && method == Method::Kkt;
     let mut rows: Vec<usize> = picked.iter().map(|v| model.cluster_of_v[*v]).collect();
@@ -206,6 +211,7 @@ fn roots<C>(
     let forces = match request {
         Request::InverseDynamics
             if steps.force_derivatives
+                || steps.task_space
                 || want.has_any(&[Field::Lambda, Field::CondMy, Field::TorqueSupportNet]) =>
         {
             all()

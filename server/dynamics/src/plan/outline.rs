@@ -70,6 +70,7 @@ impl Plan {
             (steps.links, "sums over the links"),
             (steps.derivatives, "derivatives"),
             (self.motors.is_some(), "limits of actuators"),
+            (steps.task_space, "inertia of the frames"),
             (steps.conditions, "conditions of the loops"),
         ];
         Outline {

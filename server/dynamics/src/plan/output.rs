@@ -20,7 +20,7 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        report: &RunReport<T>,
+        report: &mut RunReport<T>,
         input: &[T],
         output: &mut [T],
     ) -> Status {
@@ -52,6 +52,13 @@ impl Plan {
                 return status;
             }
         }
+        // after all fields that it overwrites in the workspace
+        if self.steps.task_space {
+            let status = self.write_task_space(model, ws, report, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
         if let Some(conditions) = conditions {
             let figures = [
                 (Field::Residual, conditions.residual),
@@ -72,10 +79,12 @@ impl Plan {
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
         let may_be_infinite = |field: Field| {
-            matches!(field, Field::CondKd | Field::CondGu | Field::CondMy) || field.is_of_motors()
+            matches!(field, Field::CondKd | Field::CondGu | Field::CondMy)
+                || matches!(field, Field::TaskResidual | Field::Solutions)
+                || field.is_of_motors()
         };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        let fits = if self.steps.conditions || self.motors.is_some() {
+        let fits = if self.steps.conditions || self.motors.is_some() || self.task.is_some() {
             slots.all(|slot| all_finite(&output[slot.range()]))
         } else {
             all_finite(output)
@@ -329,7 +338,7 @@ impl Plan {
 
     /// Jacobian over the independent velocities (6 × n_vy), J G, with the columns in the given
     /// order.
-    fn independent_jacobian<T: Real>(
+    pub(super) fn independent_jacobian<T: Real>(
         &self,
         model: &Model<T>,
         ws: &Workspace<T>,

@@ -76,24 +76,36 @@ pub trait PlanScalar: Real {
     }
 }
 
-macro_rules! compiled_here {
-    ($($scalar:ty),*) => {$(
-        impl PlanScalar for $scalar {
-            #[inline(never)]
-            fn run_compiled(
-                plan: &Plan,
-                model: &Model<$scalar>,
-                workspace: &mut Workspace<$scalar>,
-                input: &[$scalar],
-                output: &mut [$scalar],
-            ) -> Answer {
-                plan.execute::<_, false>(model, workspace, input, output)
-            }
+impl PlanScalar for f64 {
+    #[inline(never)]
+    fn run_compiled(
+        plan: &Plan,
+        model: &Model<f64>,
+        workspace: &mut Workspace<f64>,
+        input: &[f64],
+        output: &mut [f64],
+    ) -> Answer {
+        // tasks are in doubles alone
+        match &plan.task {
+            Some(tasks) => plan.run_tasks(tasks, model, workspace, input, output),
+            None => plan.execute::<_, false>(model, workspace, input, output),
         }
-    )*};
+    }
 }
 
-compiled_here!(f64, Dd);
+impl PlanScalar for Dd {
+    #[inline(never)]
+    fn run_compiled(
+        plan: &Plan,
+        model: &Model<Dd>,
+        workspace: &mut Workspace<Dd>,
+        input: &[Dd],
+        output: &mut [Dd],
+    ) -> Answer {
+        plan.execute::<_, false>(model, workspace, input, output)
+    }
+}
+
 impl<S: Real> PlanScalar for Dual<S> {}
 
 impl Plan {
@@ -141,7 +153,7 @@ impl Plan {
         let mut report = RunReport::none();
         let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
         report.status = match computed {
-            Ok(()) => self.write(model, workspace, &report, input, output),
+            Ok(()) => self.write(model, workspace, &mut report, input, output),
             // an angle without sine fails in the first step that uses it
             Err(_) if self.beyond_angles(model, workspace, &report) => {
                 report = RunReport::none();

@@ -17,7 +17,7 @@ impl<T: Real> Workspace<T> {
         let mut given = 0;
         let mut want = 0;
         let mut closed = 0;
-        for plan in plans {
+        for plan in plans.into_iter().flat_map(|plan| [Some(plan), plan.inner()]).flatten() {
             needs = needs.and(plan.needs());
             given = given.max(plan.given().len());
             want = want.max(plan.want().len());

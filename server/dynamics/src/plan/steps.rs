@@ -8,7 +8,7 @@ use crate::model::Method;
 use crate::plan::needed;
 
 // wanted fields by the quantity that they read
-const FRAMES: [Field; 8] = [
+const FRAMES: [Field; 12] = [
     FramePose,
     FrameTwist,
     FrameAcc,
@@ -17,6 +17,10 @@ const FRAMES: [Field; 8] = [
     JacobianActuator,
     JdYd,
     DjacobianDy,
+    TaskInertia,
+    TaskBias,
+    TaskGravity,
+    TaskRank,
 ];
 const VELOCITIES: [Field; 8] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy];
 /// Read the speeds of actuators.
@@ -32,7 +36,7 @@ const MOTORS: [Field; 8] = [
 ];
 const ACCELERATIONS: [Field; 4] = [Qdd, Ydd, Udd, FrameAcc];
 const TREE_ACCELERATIONS: [Field; 3] = [Qdd, Udd, FrameAcc];
-const BIASES: [Field; 5] = [GBias, GUBias, ComBias, JdYd, ReflectedForce];
+const BIASES: [Field; 6] = [GBias, GUBias, ComBias, JdYd, ReflectedForce, TaskBias];
 /// Read C_y.
 const BIAS_FORCES: [Field; 3] = [CY, TorqueVerticesNet, TorqueSupportNet];
 const LOOP_JACOBIANS: [Field; 8] =
@@ -80,6 +84,8 @@ pub(super) struct Steps {
     pub(super) rest: bool,
     pub(super) bias_at_rest: bool,
     pub(super) mass_matrix: bool,
+    /// Inertia and forces of the frames together.
+    pub(super) task_space: bool,
     /// K or a quantity derived from it.
     pub(super) conditions: bool,
     /// Derivatives, and those of them that need forces.
@@ -97,10 +103,11 @@ impl Steps {
         let forward = request == Request::ForwardDynamics;
         let dynamics = forward || request == Request::InverseDynamics;
         let rest = velocity.is_none() && acceleration.is_none();
-        let frames = query.n_frames > 0 && want.has_any(&FRAMES);
+        let reaches = request == Request::InverseKinematics;
+        let frames = query.n_frames > 0 && (reaches || want.has_any(&FRAMES));
         let conditions = want.has_any(&needed::OF_THE_ROBOT);
         let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
-        let links = want.has_any(&needed::OF_THE_LINKS);
+        let links = want.has_any(&needed::OF_THE_LINKS) || query.given.has(ComTarget);
         let observes = want.has_any(&needed::OBSERVED);
         let derivatives = observes || want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
@@ -108,7 +115,9 @@ impl Steps {
         let forces =
             force_derivatives || want.has_any(&FORCES) || want.has_any(&OF_ACTUATOR_FORCES);
         let newton_euler = forward || dynamics && forces;
-        let mass_matrix = want.has_any(&MASS_MATRICES) || forward && method == Method::Projection;
+        let task_space = want.has_any(&needed::OF_THE_TASKS);
+        let mass_matrix =
+            want.has_any(&MASS_MATRICES) || task_space || forward && method == Method::Projection;
         Steps {
             position: Space::given(query, [Y, Q, U]).unwrap_or(Space::Independent),
             velocity,
@@ -130,12 +139,13 @@ impl Steps {
                 || dynamics && (newton_euler || mass_matrix || want.has_any(&BIAS_FORCES)),
             frames,
             frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
-                || is_seen && want.has_any(&[FrameAcc, JdYd]),
+                || is_seen && want.has_any(&[FrameAcc, JdYd, TaskBias]),
             links,
             newton_euler,
             rest,
             bias_at_rest: velocity.is_none(),
             mass_matrix,
+            task_space,
             conditions,
             derivatives,
             force_derivatives,
@@ -153,7 +163,7 @@ fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Le
         derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics
         || derivatives
-        || request == Request::Map
+        || matches!(request, Request::Map | Request::InverseKinematics)
         || moving && want.has_any(&VELOCITIES)
         || want.iter().any(Field::is_of_motors)
         || accelerated

@@ -6,14 +6,17 @@ mod body;
 mod derivatives;
 mod motors;
 mod probe;
+mod search;
 
 use nalgebra::Vector3;
+use sarrus_proto::MAX_FRAMES;
 
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use derivatives::{Column, Derivatives, Moving, Seen, Supported};
 pub(crate) use motors::{MOST_SEGMENTS, MotorScratch};
 pub(crate) use probe::Probe;
 use probe::longest_input;
+pub(crate) use search::{Search, TASK_ROWS};
 
 use crate::closure::{
     self, BUDGET, Closure, Level, Local, Numerical, Outcome, Scratch, TURN, UNBOUNDED,
@@ -114,6 +117,10 @@ pub struct Workspace<T: Real> {
     pub(crate) dense_spare: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
+    /// Matrices of the frames together, by `plan/task/space.rs`.
+    pub(crate) task: Vec<T>,
+    /// Of searches for positions, by `plan/task/`.
+    pub(crate) search: Option<Box<Search>>,
     /// Given numbers and precomputed closure results, by `plan/closed.rs`.
     pub(crate) closed: Vec<T>,
     /// Scratch to compute doubtful answers again, for scalars that support it.
@@ -140,6 +147,10 @@ pub(crate) struct Needs {
     pub(crate) derivatives: bool,
     /// Fields of actuators.
     pub(crate) motors: bool,
+    /// Frames whose inertia is asked for.
+    pub(crate) frames: usize,
+    /// Positions are searched for.
+    pub(crate) search: bool,
 }
 
 impl Needs {
@@ -151,6 +162,8 @@ impl Needs {
             kkt: self.kkt | other.kkt,
             derivatives: self.derivatives | other.derivatives,
             motors: self.motors | other.motors,
+            frames: self.frames.max(other.frames),
+            search: self.search | other.search,
         }
     }
 }
@@ -159,8 +172,17 @@ impl<T: Real> Workspace<T> {
     /// Scratch for every plan on this model but those that force [`crate::Method::Kkt`]. Allocates;
     /// nothing after it does.
     pub fn new(model: &Model<T>) -> Workspace<T> {
-        let needs =
-            Needs { mass_matrix: true, dense: true, kkt: false, derivatives: true, motors: true };
+        // packets of states have none of the rare ones
+        let frames = if T::STRAIGHT { 0 } else { MAX_FRAMES };
+        let needs = Needs {
+            mass_matrix: true,
+            dense: true,
+            kkt: false,
+            derivatives: true,
+            motors: true,
+            frames,
+            search: true,
+        };
         let probe = Probe::for_any_plan(model, needs);
         let most = longest_input(model) + most_closed(model);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(most)
@@ -293,6 +315,8 @@ impl<T: Real> Workspace<T> {
 
     /// Scratch with these square matrices and no others; without a probe.
     pub(crate) fn sized(model: &Model<T>, needs: Needs) -> Workspace<T> {
+        // positions are searched for in doubles alone
+        let needs = Needs { search: needs.search && T::PROBED, ..needs };
         let sizes = model.sizes();
         let bodies = model.bodies.len();
         let none = T::Triple::zero();
@@ -303,6 +327,7 @@ impl<T: Real> Workspace<T> {
         let largest = clusters().map(|c| c.n_q).max().unwrap_or(0);
         let rows = clusters().map(|c| c.rows.len()).max().unwrap_or(0);
         let widest_u = clusters().map(|c| c.active.len()).max().unwrap_or(0);
+        let uneven = clusters().filter(|c| c.active.len() != c.n_vy).map(|c| c.active.len()).sum();
         let side =
             if needs.dense { sizes.n_vy.max(sizes.n_u) } else { widest_u }.max(largest).max(rows)
                 + 6;
@@ -346,6 +371,8 @@ impl<T: Real> Workspace<T> {
             kkt: of(kkt * kkt),
             kkt_rhs: of(kkt),
             kkt_scale: of(kkt),
+            task: of(task_numbers(needs.frames, sizes.n_vy)),
+            search: needs.search.then(|| Box::new(Search::new(&sizes, widest, uneven))),
             closed: Vec::new(),
             probe: None,
             derivatives: needs.derivatives.then(|| Box::new(Derivatives::new(model, massless))),
@@ -359,6 +386,12 @@ impl<T: Real> Workspace<T> {
             loop_q: of(sizes.n_v),
         }
     }
+}
+
+/// Numbers of the matrices of so many frames together, over n independents.
+pub(crate) fn task_numbers(frames: usize, n: usize) -> usize {
+    let rows = 6 * frames;
+    2 * rows * n + 2 * rows * rows + 2 * rows
 }
 
 /// More numbers than any plan needs of closures by Newton's method; none where there are none.

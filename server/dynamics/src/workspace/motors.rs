@@ -22,8 +22,8 @@ pub(crate) struct MotorScratch<T> {
     pub(crate) base: Vec<T>,
     pub(crate) scratch: Vec<T>,
     pub(crate) signs: Vec<u64>,
-    /// Margin of τ_y, infinite without a force and NaN without a limit, and 1 for the actuators at
-    /// their limits there (n_u).
+    /// Margin of τ_y, infinite without a force and NaN without a limit, and 1 or −1 for the
+    /// actuators at their upper or lower limit there (n_u).
     pub(crate) margin: T,
     pub(crate) binding: Vec<T>,
     /// The state of one cluster, kept while it is closed at other velocities.

@@ -62,7 +62,7 @@ fn moved(x: f64) -> Dd {
     Dd::from(f64::from_bits(bits.wrapping_add_signed(step)))
 }
 
-/// More numbers than any plan is given.
+/// More numbers than any plan but a search is given; a search closes nothing apart.
 pub(crate) fn longest_input<C>(model: &Model<C>) -> usize {
     let is_input = |field: &&Field| **field <= Field::Wrenches || **field == Field::GainsU;
     Field::ALL.iter().filter(is_input).map(|field| numbers(model, field, 0)).sum()

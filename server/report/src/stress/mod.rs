@@ -25,6 +25,7 @@ use self::families::simulated::{
 use self::families::{
     chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
     inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, lost_control,
+    targets_of_tasks,
 };
 use self::harness::Cases;
 use self::sweep::Family;
@@ -35,7 +36,7 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
-const FAMILIES: [Family; 43] = [
+const FAMILIES: [Family; 44] = [
     Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
     Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
     Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
@@ -118,6 +119,7 @@ const FAMILIES: [Family; 43] = [
         "rad from the pose without control",
         Own(lost_control::run),
     ),
+    Family("targets of tasks", "m or rad from the edge", Own(targets_of_tasks::run)),
     Family("change points", "rad of a step", Drawn([40, 400], &[], change_points::one)),
 ];
 

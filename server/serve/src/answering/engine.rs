@@ -416,7 +416,7 @@ enum Known {
 
 /// The thread for the states of a plan that need more than a turn.
 fn thread_of<'a>(threads: &'a mut [Aside; 2], plan: &Plan) -> &'a mut Aside {
-    &mut threads[usize::from(plan.searches())]
+    &mut threads[usize::from(plan.is_long())]
 }
 
 /// What a thread knows of a state; its numbers into `output`.

@@ -17,7 +17,7 @@
 
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 use sarrus_proto::{FieldSet, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES, Query};
-use sarrus_proto::{QueryOptions, Request, Tolerance};
+use sarrus_proto::{QueryOptions, Request, TaskParts, Tolerance};
 
 /// First word of a recording.
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"sarrusRC");
@@ -41,9 +41,9 @@ pub(super) const FRAME_HEAD: usize = 4;
 pub(super) const BODY_HEAD: usize = 16;
 /// Words of a query that has neither links nor joints.
 pub(super) const QUERY_HEAD: usize = 10;
-/// The most words of a body before its numbers: three lists, each filled up to a word.
+/// The most words of a body before its numbers: four lists, each filled up to a word.
 pub(super) const MAX_BODY_HEAD: usize =
-    BODY_HEAD + (MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 2;
+    BODY_HEAD + (2 * MAX_FRAMES + MAX_WRENCHES + 2 * MAX_JOINT_RUNS).div_ceil(LINKS) + 3;
 /// The most words of a body.
 pub(super) const MAX_BODY: usize = MAX_BODY_HEAD + MAX_NUMBERS_IN + MAX_NUMBERS_OUT;
 /// Bytes of the largest frame.
@@ -121,7 +121,7 @@ impl std::fmt::Display for Client {
 }
 
 /// Writes a query: request, counts of links and runs of joints, fields, indices of links, ends of
-/// the runs; returns the number of words.
+/// the runs, parts of the tasks; returns the number of words.
 pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
     let frames = query.frames();
     let wrenches = query.wrench_links();
@@ -142,9 +142,17 @@ pub(super) fn write_query(query: &Query, words: &mut [u64]) -> usize {
         join(query.axes, query.relative_to),
         query.n_directions,
     ];
+    let parts = query.tasks.map(|parts| u16::from(parts.0));
+    let parts = &parts[..n_parts(query.request, frames.len())];
     let links = frames.chunks(LINKS).chain(wrenches.chunks(LINKS)).chain(runs.chunks(LINKS));
+    let links = links.chain(parts.chunks(LINKS));
     let links = links.map(packed);
     words.iter_mut().zip(fixed.into_iter().chain(links)).map(|(to, word)| *to = word).count()
+}
+
+/// A task has a frame.
+fn n_parts(request: u32, frames: usize) -> usize {
+    if Request::from_code(request).is_some_and(Request::has_tasks) { frames } else { 0 }
 }
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
@@ -185,6 +193,7 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     let frames = links(n_frames)?;
     let wrenches = links(n_wrenches)?;
     let ends = links(n_ends)?;
+    let parts = links(n_parts(request, n_frames))?;
     let request = Request::from_code(request)?;
     let (axes, relative_to) = halves(seen);
     let [given, want] = [[given, given_above], [want, want_above]].map(FieldSet::from);
@@ -201,6 +210,9 @@ pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
     query.joints.iter_mut().zip(ends.chunks_exact(2)).for_each(|(run, ends)| {
         *run = [ends[0], ends[1]];
     });
+    for (to, parts) in query.tasks.iter_mut().zip(parts) {
+        *to = TaskParts(u8::try_from(parts).ok()?);
+    }
     let query = if wrenches.is_empty() { query } else { query.with_wrenches(&wrenches) };
     Some((Some(query), at))
 }

@@ -37,7 +37,7 @@ pub(super) fn answer(
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
         // only few fields of a failed answer are valid
-        let is_valid = answer.status == Status::Ok
+        let is_valid = matches!(answer.status, Status::Ok | Status::NotReached)
             || field.survives_failure() && numbers.iter().all(|number| number.is_finite());
         is_valid.then_some((slot, numbers))
     };
@@ -175,7 +175,6 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         Field::Binding | Field::Clip | Field::ClipNearest if numbers.iter().any(|x| x.is_nan()) => {
             null(out)
         }
-        Field::Binding => list(out, chosen(numbers, &model.active), write),
         Field::GainsY => {
             let n = slot.columns / 2;
             let row = |k: usize| numbers.get(k * slot.columns..).unwrap_or_default();
@@ -189,6 +188,14 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
             key(out, "force", false);
             list(out, (0..slot.rows).filter_map(|k| row(k).get(2 * n)), number);
             out.push(b'}');
+        }
+        // without the centre of mass where it has no target
+        Field::TaskResidual => list(out, numbers.iter().filter(|x| !x.is_nan()), number),
+        Field::Binding => write(out, &binding(numbers, &model.tree)),
+        Field::ContactForces => contact_forces(out, numbers, model, query),
+        Field::Solutions => {
+            let found = numbers.chunks(slot.columns.max(1)).take_while(|y| !y[0].is_nan());
+            rows(out, found.count(), slot.columns, numbers);
         }
         Field::Energy => {
             out.push(b'{');
@@ -207,7 +214,8 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::JdYd
         | Field::ReflectedInertia
         | Field::ReflectedDamping
-        | Field::Observer => rows(out, slot.rows, slot.columns, numbers),
+        | Field::Observer
+        | Field::TaskInertia => rows(out, slot.rows, slot.columns, numbers),
         field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
@@ -238,6 +246,25 @@ fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> 
         }
     }
     found
+}
+
+/// The wrench on each held frame, as a line's `wrenches`.
+fn contact_forces(out: &mut Vec<u8>, numbers: &[f64], model: &ModelInfo, query: &Query) {
+    let links = query.frames().iter().map(|link| &model.links[usize::from(*link)]);
+    let rows = links.zip(numbers.chunks_exact(6)).filter(|(_, row)| !row[0].is_nan());
+    out.push(b'{');
+    for (k, (name, row)) in rows.enumerate() {
+        key(out, name, k == 0);
+        list(out, row.iter(), number);
+    }
+    out.push(b'}');
+}
+
+/// The names of active bounds: those of joints, and `clearance`.
+fn binding<'a>(numbers: &[f64], names: &'a [String]) -> Vec<&'a str> {
+    let names = names.iter().map(String::as_str).chain(["clearance"]);
+    let rows = names.zip(numbers.chunks_exact(3));
+    rows.filter(|(_, row)| row.iter().any(|x| *x != 0.0)).map(|(name, _)| name).collect()
 }
 
 /// The names whose number is 1.

@@ -13,6 +13,7 @@ mod json;
 mod lines;
 mod read;
 mod request;
+mod tasks;
 
 use std::io::{self, ErrorKind};
 use std::num::NonZeroUsize;
@@ -93,12 +94,15 @@ fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-const REQUESTS: Choices<Request, 5> = [
+const REQUESTS: Choices<Request, 8> = [
     (Request::Kinematics, "kinematics", "Positions, velocities, accelerations, closures, frames"),
     (Request::InverseDynamics, "inverse-dynamics", "Motion to forces"),
     (Request::ForwardDynamics, "forward-dynamics", "Forces to motion"),
     (Request::Map, "map", "One space to another"),
     (Request::Observe, "observe", "Motion and actuator forces to forces from outside"),
+    (Request::InverseKinematics, "ik", "Poses of frames to the positions that reach them"),
+    (Request::DifferentialInverseKinematics, "diff-ik", "Twists of frames to a velocity"),
+    (Request::Step, "step", "Accelerations of frames to forces of actuators and contacts"),
 ];
 
 impl Ask {
@@ -314,7 +318,9 @@ impl Session {
         if answer.status == Status::BadRequest {
             // sizes and finite numbers were checked before
             let words = words.unwrap_or_else(|| {
-                "a quaternion is not of unit length, expected one within 1e-6 of it".to_owned()
+                "a quaternion is not of unit length, expected one within 1e-6 of it, or a task's \
+                 axis has no length, or a free joint has bounds"
+                    .to_owned()
             });
             answer::bad_request(out, &Remark { column: Some(column), words });
         } else {

@@ -9,10 +9,11 @@ use sarrus_client::{
 };
 use sarrus_models::{matching_joints, nearest_first};
 
-use sarrus_proto::{MAX_DIRECTIONS, Tolerance};
+use sarrus_proto::{MAX_DIRECTIONS, TaskParts, Tolerance};
 
 use super::json::{Fault, Value};
 use super::request::{Asked, Given, INPUTS, Output, Problem};
+use super::tasks::key_of;
 
 /// More than there are keys of a line or names of outputs.
 const MOST: usize = 128;
@@ -42,6 +43,10 @@ pub(super) fn read(
         relative_to: None,
         directions: None,
         deadline: None,
+        tasks: Vec::new(),
+        contacts: Vec::new(),
+        motions: Vec::new(),
+        all_solutions: None,
         given: Vec::new(),
         doubt: None,
     };
@@ -72,8 +77,9 @@ fn deadline(value: Value<'_>) -> Result<Duration, Problem> {
     number.map(|us| Duration::from_micros(us as u64)).ok_or_else(|| value.is_no(expected))
 }
 
-struct Reader<'a> {
-    model: &'a ModelInfo,
+/// The members of a line that were read so far.
+pub(super) struct Reader<'a> {
+    pub(super) model: &'a ModelInfo,
     request: Option<Request>,
     names_request: bool,
     keys: Vec<(String, usize)>,
@@ -88,7 +94,14 @@ struct Reader<'a> {
     relative_to: Option<u16>,
     directions: Option<usize>,
     deadline: Option<Duration>,
-    given: Vec<Given>,
+    /// Link and parts of each task.
+    pub(super) tasks: Vec<(u16, TaskParts)>,
+    /// Links that are held; the tasks' keys that belong to a step of a motion, with their places.
+    pub(super) contacts: Vec<u16>,
+    pub(super) motions: Vec<(String, usize)>,
+    /// Where all solutions are asked for.
+    pub(super) all_solutions: Option<usize>,
+    pub(super) given: Vec<Given>,
     doubt: Option<Problem>,
 }
 
@@ -137,6 +150,7 @@ impl Reader<'_> {
                 self.relative_to = Some(self.link(&name, value)?);
             }
             "deadline_us" => self.deadline = Some(deadline(value)?),
+            _ if self.task_member(key, value)? => {}
             _ => match INPUTS.into_iter().find(|field| field.name() == name) {
                 Some(field) => {
                     let n = field.shape(&self.model.sizes, 0, 0).0;
@@ -148,7 +162,7 @@ impl Reader<'_> {
                     let known = format!(
                         "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, \
                          want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
-                         friction, deadline_us",
+                         friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -177,7 +191,12 @@ impl Reader<'_> {
     }
 
     /// A list of `n` finite numbers; another count or a number that is not finite is a doubt.
-    fn numbers(&mut self, name: &str, value: Value<'_>, n: usize) -> Result<Vec<f64>, Problem> {
+    pub(super) fn numbers(
+        &mut self,
+        name: &str,
+        value: Value<'_>,
+        n: usize,
+    ) -> Result<Vec<f64>, Problem> {
         let expected = format!("{name} as a list of {n} numbers");
         let (numbers, count) = list(value, n, Value::number, &expected)?;
         if let Some((_, item)) = numbers.iter().find(|(number, _)| !number.is_finite()) {
@@ -194,14 +213,14 @@ impl Reader<'_> {
     }
 
     /// Keeps the first doubt; a wrong size comes before a number that is not finite.
-    fn doubt(&mut self, status: Status, offset: usize, words: impl FnOnce() -> String) {
+    pub(super) fn doubt(&mut self, status: Status, offset: usize, words: impl FnOnce() -> String) {
         let weight = |status| if status == Status::WrongSize { 0 } else { 1 };
         if self.doubt.as_ref().is_none_or(|doubt| weight(status) < weight(doubt.status)) {
             self.doubt = Some(Problem { status, offset, words: words() });
         }
     }
 
-    fn links(&self, value: Value<'_>) -> Result<Vec<(String, u16)>, Problem> {
+    pub(super) fn links(&self, value: Value<'_>) -> Result<Vec<(String, u16)>, Problem> {
         let mut links: Vec<(String, u16)> = Vec::new();
         let most = self.model.links.len() + 1;
         let (listed, _) = list(value, most, Value::string, "frames as a list of links")?;
@@ -310,7 +329,7 @@ impl Reader<'_> {
         Ok(numbers)
     }
 
-    fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
+    pub(super) fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
         let n = self.model.links.len();
         self.model.link(name).ok_or_else(|| {
             let links = nearest_first(name, self.model.links.iter().map(String::as_str), 250);
@@ -322,10 +341,11 @@ impl Reader<'_> {
         })
     }
 
-    fn finish(self, root: Value<'_>) -> Result<Asked, Problem> {
+    fn finish(mut self, root: Value<'_>) -> Result<Asked, Problem> {
         let request = self.request.ok_or_else(|| {
             root.fault(format!("it names no request, expected \"request\": {}", requests()))
         })?;
+        self.finish_tasks(request, root)?;
         // the members of the answer
         let mut outputs = match self.want {
             Some(want) => want,
@@ -335,6 +355,9 @@ impl Reader<'_> {
                 .map(|field| (Output::Field(field), root.offset))
                 .collect(),
         };
+        if let Some(offset) = self.all_solutions {
+            outputs.push((Output::Field(Field::Solutions), offset));
+        }
         match outputs.iter().find(|(output, _)| is_of_frames(*output)) {
             Some((output, offset)) if self.frames.is_none() => {
                 let words = format!(
@@ -361,32 +384,26 @@ impl Reader<'_> {
         let query = Query { loop_tolerance, projection_tolerance, ..query }.with_axes(self.axes);
         let query = self.relative_to.map_or(query, |link| query.relative_to(link));
         let mut query = query.with_joints(self.joints);
-        let frames = self.frames.unwrap_or_default();
+        // the frames of tasks are those of the query
+        let model = self.model;
+        let of_tasks = || {
+            let links = self.tasks.iter().map(|(link, _)| *link);
+            links.map(|link| (model.links[usize::from(link)].clone(), link)).collect()
+        };
+        let frames =
+            if self.tasks.is_empty() { self.frames.unwrap_or_default() } else { of_tasks() };
         query = query.with_frames(&frames.iter().map(|(_, link)| *link).collect::<Vec<u16>>());
+        if !self.tasks.is_empty() {
+            query = query.with_tasks(&self.tasks);
+        }
         if !self.wrenches.is_empty() {
             query = query
                 .with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
         }
-        let key = |name: &str| {
-            self.keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset)
-        };
         if let Some(count) = self.directions {
             query = query.with_directions(count);
         }
-        query.check(self.model).map_err(|error| {
-            let offset = match error {
-                QueryError::NotAnInput(field) => key(field.name()),
-                QueryError::Conflict(a, b) => key(a.name()).max(key(b.name())),
-                QueryError::NotAnOutput(field) => outputs
-                    .iter()
-                    .find(|(output, _)| *output == Output::Field(field))
-                    .map(|(_, offset)| *offset),
-                QueryError::TooMany { what: "runs of joints", .. } => key("joints"),
-                QueryError::TooMany { what, .. } => key(what),
-                _ => None,
-            };
-            Problem::from(Fault { offset: offset.unwrap_or(root.offset), words: error.to_string() })
-        })?;
+        query.check(self.model).map_err(|error| refused(&error, &self.keys, &outputs, root))?;
 
         let mut given = self.given;
         if !self.wrenches.is_empty() {
@@ -404,6 +421,29 @@ impl Reader<'_> {
     }
 }
 
+/// An invalid query, at the key that it comes from.
+fn refused(
+    error: &QueryError,
+    keys: &[(String, usize)],
+    outputs: &[(Output, usize)],
+    root: Value<'_>,
+) -> Problem {
+    let key = |name: &str| keys.iter().find(|(known, _)| known == name).map(|(_, offset)| *offset);
+    let offset = match error {
+        QueryError::NotAnInput(field) => key(key_of(*field)),
+        QueryError::BadTask(_) => key("tasks").or(key("axes")),
+        QueryError::Conflict(a, b) => key(a.name()).max(key(b.name())),
+        QueryError::NotAnOutput(field) => {
+            let found = outputs.iter().find(|(output, _)| *output == Output::Field(*field));
+            found.map(|(_, offset)| *offset)
+        }
+        QueryError::TooMany { what: "runs of joints", .. } => key("joints"),
+        QueryError::TooMany { what, .. } => key(what),
+        _ => None,
+    };
+    Fault { offset: offset.unwrap_or(root.offset), words: error.to_string() }.into()
+}
+
 fn named_request(value: Value<'_>) -> Result<Request, Problem> {
     let name = value.string().ok_or_else(|| value.is_no(&requests()))?;
     let found = Request::ALL.iter().copied().find(|request| request.name() == name);
@@ -414,8 +454,12 @@ fn named_request(value: Value<'_>) -> Result<Request, Problem> {
 
 /// True for a member of an answer that needs links.
 fn is_of_frames(output: Output) -> bool {
-    use Field::{DjacobianDy, JdYd};
-    matches!(output, Output::Frames | Output::Jacobians | Output::Field(JdYd | DjacobianDy))
+    use Field::{DjacobianDy, JdYd, TaskBias, TaskGravity, TaskInertia, TaskRank};
+    match output {
+        Output::Frames | Output::Jacobians => true,
+        Output::Field(JdYd | DjacobianDy | TaskInertia | TaskBias | TaskGravity | TaskRank) => true,
+        _ => false,
+    }
 }
 
 /// The names of all requests.
@@ -450,7 +494,7 @@ fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
 }
 
 /// The first `most` items of a list with their values, and the number of all items.
-fn list<'a, T>(
+pub(super) fn list<'a, T>(
     value: Value<'a>,
     most: usize,
     read: impl Fn(&Value<'a>) -> Option<T>,
@@ -475,11 +519,11 @@ fn list<'a, T>(
 }
 
 impl Value<'_> {
-    fn fault(&self, words: String) -> Problem {
+    pub(super) fn fault(&self, words: String) -> Problem {
         Fault { offset: self.offset, words }.into()
     }
 
-    fn is_no(&self, expected: &str) -> Problem {
+    pub(super) fn is_no(&self, expected: &str) -> Problem {
         self.fault(format!("{}, expected {expected}", self.kind()))
     }
 }

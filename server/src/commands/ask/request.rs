@@ -52,7 +52,7 @@ impl From<Fault> for Problem {
 }
 
 /// The inputs of a request besides wrenches.
-pub(super) const INPUTS: [Field; 14] = [
+pub(super) const INPUTS: [Field; 16] = [
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -67,6 +67,8 @@ pub(super) const INPUTS: [Field; 14] = [
     Field::TauU,
     Field::TauY,
     Field::TauQ,
+    Field::YGuess,
+    Field::YPreferred,
 ];
 const FRAMES: [Field; 3] = [Field::FramePose, Field::FrameTwist, Field::FrameAcc];
 const JACOBIANS: [Field; 3] =

@@ -17,3 +17,4 @@ pub(super) mod lost_control;
 pub(super) mod open_loops;
 pub(super) mod poses;
 pub(super) mod simulated;
+pub(super) mod targets_of_tasks;

@@ -1,0 +1,208 @@
+//! `sarrus time`: the fastest motion along a path that the actuators can drive.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, TaskParts, Workspace};
+use sarrus_report::csv_rows::{self, LineEnd, Row};
+use sarrus_report::measure::progress::Progress;
+use sarrus_simulation::{Stop, Timed, time_path};
+
+use super::output::{Failure, Outcome, Results};
+use super::robot::RobotFlags;
+
+/// The columns of a pose.
+const POSE: [&str; 7] = ["px", "py", "pz", "qx", "qy", "qz", "qw"];
+
+/// Flags of `time`.
+#[derive(Args)]
+pub(crate) struct Time {
+    /// A table: a first line with the names of the independent joints, or of poses as FRAME/px,
+    /// FRAME/py, FRAME/pz, FRAME/qx to FRAME/qw, then a row for each place on the path.
+    #[arg(value_name = "PATH")]
+    path: PathBuf,
+    #[command(flatten)]
+    robot: RobotFlags,
+    /// The table to write; without it it goes to stdout.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+impl Time {
+    pub(crate) fn run(self) -> Outcome {
+        let loaded = self.robot.load_and_warn()?;
+        let model = &loaded.compiled.model;
+        if model.sizes().n_qy != model.sizes().n_vy {
+            let words = "paths are of joints of one freedom, and some independent has more";
+            return Err(Failure::start(words));
+        }
+        let (lines, numbers, heads) = table(&self.path)?;
+        let rows = match rows_of_joints(model, &heads, &numbers) {
+            Some(rows) => rows,
+            None => self.rows_of_poses(model, &heads, (&lines, &numbers))?,
+        };
+        if rows.windows(2).all(|pair| pair[0] == pair[1]) {
+            let file = self.path.display();
+            return Err(Failure::start(format!("{file}: expected two different rows or more")));
+        }
+        let progress = Progress::silent();
+        let timed = time_path(model, &rows, &mut |done| progress.show("timing", done));
+        progress.clear();
+        let timed = timed.map_err(Failure::start)?.map_err(|stop| {
+            Failure::finding(format!("{}: {}", self.path.display(), words(&stop, &lines)))
+        })?;
+        let text = csv(model, &timed)?;
+        let Some(path) = self.out else { return Ok(Results { text, code: 0 }) };
+        let failed = |error| Failure::start(format!("cannot write {}: {error}", path.display()));
+        fs::write(&path, text).map_err(failed)?;
+        let duration = timed.times.last().copied().unwrap_or_default();
+        let text = format!(
+            "{}: {duration:.6} s, {} rows, {:.1e} of a limit exceeded between them\n",
+            path.display(),
+            timed.times.len(),
+            timed.excess
+        );
+        Ok(Results { text, code: 0 })
+    }
+
+    /// Rows of y that have these poses, each from the one before.
+    fn rows_of_poses(
+        &self,
+        model: &Model<f64>,
+        heads: &[String],
+        (lines, numbers): (&[usize], &[Vec<f64>]),
+    ) -> Result<Vec<Vec<f64>>, Failure> {
+        let file = self.path.display();
+        let unknown = |head: &str| {
+            Failure::start(format!(
+                "{file}:1: found the column `{head}`, expected each of {}, or FRAME/px to FRAME/qw",
+                model.independent_names().join(", ")
+            ))
+        };
+        let mut tasks = Vec::new();
+        for of in heads.chunks(POSE.len()) {
+            let frame = of[0].strip_suffix("/px").ok_or_else(|| unknown(&of[0]))?;
+            let link = model.info().link(frame).ok_or_else(|| unknown(&of[0]))?;
+            let whole = of.iter().map(|head| head.strip_prefix(frame)).zip(POSE);
+            let fits = |(head, part): (Option<&str>, &str)| head == Some(&format!("/{part}"));
+            if of.len() != POSE.len() || !whole.into_iter().all(fits) {
+                return Err(unknown(&of[of.len() - 1]));
+            }
+            tasks.push((link, TaskParts::POSITION.with(TaskParts::ORIENTATION)));
+        }
+        let given = FieldSet::of(&[Field::YGuess]);
+        let query = Query::new(Request::InverseKinematics, given, FieldSet::of(&[Field::Y]));
+        let plan = Plan::new(model, &query.with_tasks(&tasks)).map_err(Failure::start)?;
+        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let mut y = vec![0.0; plan.want().len()];
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for (line, row) in lines.iter().zip(numbers) {
+            let mut input = vec![0.0; plan.given().len()];
+            let slot = |field| plan.given().slot(field).map(|slot| slot.range());
+            if let (Some(range), Some(before)) = (slot(Field::YGuess), rows.last()) {
+                input[range].copy_from_slice(before);
+            }
+            if let Some(range) = slot(Field::TaskTarget) {
+                for (to, pose) in input[range].chunks_mut(11).zip(row.chunks(POSE.len())) {
+                    to[..7].copy_from_slice(pose);
+                    to[9..].fill(1.0);
+                }
+            }
+            let answer = plan.run(model, &mut workspace, &input, &mut y);
+            if answer.status != Status::Ok {
+                let status = answer.status.name();
+                return Err(Failure::finding(format!("{file}:{line}: the pose is {status}")));
+            }
+            rows.push(y.clone());
+        }
+        Ok(rows)
+    }
+}
+
+/// Line numbers, numbers and heads of a table.
+fn table(path: &Path) -> Result<(Vec<usize>, Vec<Vec<f64>>, Vec<String>), Failure> {
+    let file = path.display();
+    let text = fs::read_to_string(path)
+        .map_err(|error| Failure::start(format!("cannot read {file}: {error}")))?;
+    let rows = csv_rows::read(&text);
+    let rows = rows.map_err(|error| Failure::start(format!("{file}: {error}")))?;
+    let mut rows = rows.into_iter();
+    let heads = rows.next().map(|row| row.cells).unwrap_or_default();
+    let mut lines = Vec::new();
+    let mut numbers = Vec::new();
+    for Row { line, cells } in rows {
+        if cells.len() != heads.len() {
+            let found = cells.len();
+            let words = format!("{file}:{line}: found {found} cells, expected {}", heads.len());
+            return Err(Failure::start(words));
+        }
+        let number = |(column, cell): (usize, &String)| {
+            cell.trim().parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| {
+                let at = format!("{file}:{line}:{}", column + 1);
+                Failure::start(format!("{at}: found `{cell}`, expected a finite number"))
+            })
+        };
+        numbers.push(cells.iter().enumerate().map(number).collect::<Result<Vec<f64>, Failure>>()?);
+        lines.push(line);
+    }
+    Ok((lines, numbers, heads))
+}
+
+/// The rows in the order of y, where the heads are the independent joints.
+fn rows_of_joints(
+    model: &Model<f64>,
+    heads: &[String],
+    numbers: &[Vec<f64>],
+) -> Option<Vec<Vec<f64>>> {
+    let names = model.independent_names();
+    let column = |name: &String| heads.iter().position(|head| head == name);
+    let columns: Vec<usize> = names.iter().map(column).collect::<Option<_>>()?;
+    let fits = heads.len() == names.len();
+    fits.then(|| numbers.iter().map(|row| columns.iter().map(|c| row[*c]).collect()).collect())
+}
+
+/// Why a path cannot be driven, at lines of its file.
+fn words(stop: &Stop, lines: &[usize]) -> String {
+    let place = |row: f64| {
+        let at = |k: usize| lines.get(k).copied().unwrap_or_default();
+        let first = row.floor() as usize;
+        match row > row.floor() {
+            true => format!("between the lines {} and {}", at(first), at(first + 1)),
+            false => format!("at line {}", at(first)),
+        }
+    };
+    match stop {
+        Stop::Limit { row, what, name, value, limits: [lower, upper] } => format!(
+            "{} the {what} of {name} is {value:.6}, beyond or at its limits {lower:.6} to \
+             {upper:.6}; it cannot be driven",
+            place(*row)
+        ),
+        Stop::Status { row, status } => {
+            format!("{} the robot's state is {}", place(*row), status.name())
+        }
+    }
+}
+
+/// The motion as a table: time, then y, ẏ and ÿ of each independent, then τ_u.
+fn csv(model: &Model<f64>, timed: &Timed) -> Result<String, Failure> {
+    let names = model.independent_names().iter();
+    let with = |ending: &str, names: &[String]| -> Vec<String> {
+        names.iter().map(|name| format!("{name}{ending}")).collect()
+    };
+    let mut rows = vec![
+        [
+            vec!["t".to_owned()],
+            names.cloned().collect(),
+            with("/yd", model.independent_names()),
+            with("/ydd", model.independent_names()),
+            with("/tau_u", model.active_names()),
+        ]
+        .concat(),
+    ];
+    for (t, numbers) in timed.times.iter().zip(&timed.rows) {
+        let cells = [*t].into_iter().chain(numbers.iter().flatten().copied());
+        rows.push(cells.map(|x| x.to_string()).collect());
+    }
+    csv_rows::write(&rows, LineEnd::Lf).map_err(Failure::start)
+}
