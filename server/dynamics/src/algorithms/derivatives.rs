@@ -60,9 +60,9 @@ pub(crate) fn moving_bodies<T: Real>(
     }
 }
 
-/// sᵀ H and ṡᵀ H of each column s, with H the momentum of all that it moves: the momentum along a
-/// tree velocity, with that of its rotor, and the part of its rate by the turning of its axis. After
-/// [`moving_bodies`], into `tau_q` and `held_q`; the forces on the bodies are lost.
+/// sᵀ H and ṡᵀ H of each column s, with H the momentum of all that it moves: the momentum along
+/// a tree velocity, with that of its rotor, and the part of its rate by the turning of its axis.
+/// After [`moving_bodies`], into `tau_q` and `held_q`; the forces on the bodies are lost.
 pub(crate) fn momenta<T: Real>(model: &Model<T>, qd: &[T], d: &mut Derivatives<T>) {
     for body in &mut d.bodies {
         body.force = body.inertia.times(body.V);
