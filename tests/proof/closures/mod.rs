@@ -5,6 +5,7 @@ mod cranks;
 mod drawn;
 mod dyads;
 mod known;
+mod rods;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind};

@@ -19,6 +19,7 @@ mod plane;
 mod platform;
 mod rod;
 mod rrpr;
+mod sliding;
 
 pub(crate) use constraint::rates::local_rates;
 pub(crate) use constraint::rows::{
@@ -38,13 +39,14 @@ pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Form, Formed, Numerical, Turn};
+pub(crate) use numerical::{End, Form, Formed, Mover, Numerical, Rod, Rods, Turn};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
 pub(crate) use planar::{LoopJoint, Planar, TwoLinks};
 pub(crate) use platform::{Arm, Leg, Platform};
 pub(crate) use rod::{RodLeg, Universal};
 pub(crate) use rrpr::Rrpr;
+pub(crate) use sliding::{DrivenSlide, Joints, Slider, SlidingPair};
 
 use sarrus_proto::Status;
 

@@ -16,9 +16,10 @@
 //! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
 //! answers.
 //!
-//! **Closed form.** A mechanism of cranks and rods ([`crate::closure::RodLeg`]) whose closed form
-//! agrees with Newton's method at every corner and every center of these cells is closed by it
-//! there: in a cell γ is one smooth function, and so is the closed form.
+//! **Closed form.** A mechanism of which a form ([`crate::closure::Form`]) agrees with Newton's
+//! method at every corner and every center of these cells is closed by it there: in a cell γ is one
+//! smooth function, and so is the form. A form that itself starts from a seed has only what it needs
+//! in the table; the other dependents of a seed follow from these.
 
 use crate::scalar::Real;
 
