@@ -92,6 +92,15 @@ struct Closed<T> {
     arm: Plane<T>,
 }
 
+impl<T: Real> Closed<T> {
+    /// σ with c₁ σ₁ + c₂ σ₂ = x.
+    #[inline(always)]
+    fn solve(&self, x: &Plane<T>) -> [T; 2] {
+        let [c1, c2] = &self.columns;
+        [cross(x, c2) * self.inverse, cross(c1, x) * self.inverse]
+    }
+}
+
 impl<T: Real> DrivenSlide<T> {
     /// The link slides on the one before it by the joint's coordinate.
     #[inline(never)]
@@ -208,113 +217,112 @@ impl<T: Real> SlidingPair<T> {
         level: Level,
     ) -> Validity<T> {
         let m = independent.len();
-        let links = &mut local.scratch.plane;
-        let [a, b] = [links[self.from[0].link], links[self.from[1].link]];
-        let (closed, validity) = self.meet(&a, &b);
-        let gain = T::ONE.larger(validity.gain) * a.gain.larger(b.gain);
-        let mut first = PlaneLink::at_rest();
-        let mut second = PlaneLink::at_rest();
-        (first.turn, first.at, first.gain) = (closed.turns[0], closed.anchors[0], gain);
-        (second.turn, second.at, second.gain) = (closed.turns[1], closed.anchors[1], gain);
+        let ends = self.from.each_ref().map(|from| local.scratch.plane[from.link]);
+        let (closed, validity) = self.meet(&ends[0], &ends[1]);
+        let gain = T::ONE.larger(validity.gain) * ends[0].gain.larger(ends[1].gain);
+        let mut to = [PlaneLink::at_rest(); 2];
+        for (k, link) in to.iter_mut().enumerate() {
+            (link.turn, link.at, link.gain) = (closed.turns[k], closed.anchors[k], gain);
+        }
         for slider in &self.sliders {
             local.q[slider.joint] = slider.sense * (closed.sigma[slider.sigma] - slider.zero);
         }
-        if level == Level::Position {
-            (links[self.to[0]], links[self.to[1]]) = (first, second);
-            return Validity { gain, ..validity };
-        }
-
-        // points in which the sides are taken at σ̇ = 0, from the anchors of the bodies of A and B
-        let [A, B] = [(&a, 0), (&b, 1)].map(|(link, k)| link.arm(&self.from[k].arm));
-        let end = closed.anchors[1];
-        let from = |link: &PlaneLink<T>, x: &Plane<T>| add(&link.at, -T::ONE, x);
-        let [arm_a, arm_b] = match self.joints {
-            Joints::Rrp => [A, from(&b, &end)],
-            Joints::Rpr => [A, B],
-            Joints::Prp => [from(&a, &end), from(&b, &end)],
-            Joints::Ppr => [from(&a, &end), B],
-        };
-        let solve = |x: &Plane<T>| {
-            let [c1, c2] = &closed.columns;
-            [cross(x, c2) * closed.inverse, cross(c1, x) * closed.inverse]
-        };
-        let [g1, g2] = closed.guides;
-        let moved = add(&a.at, -T::ONE, &closed.anchors[0]);
-        let mut speeds = [T::ZERO; 2];
-        for k in 0..m {
-            let (v_a, v_b) = (a.velocity(&arm_a, k), b.velocity(&arm_b, k));
-            let [s1, s2] = solve(&add(&v_a, -T::ONE, &v_b));
-            let (turn_a, turn_b) = (a.rate[k].0, b.rate[k].0);
-            (first.rate[k], second.rate[k]) = match self.joints {
-                Joints::Rrp => ((s1, v_a), (turn_b, add(&right(&closed.arm), s1, &v_a))),
-                Joints::Rpr => ((s1, v_a), (s1, v_b)),
-                Joints::Prp => {
-                    let v = add(&g1, s1, &v_a);
-                    ((turn_a, v), (turn_b, v))
+        if level > Level::Position {
+            let arms = self.arms(&closed, &ends);
+            let mut speeds = [T::ZERO; 2];
+            for (k, i) in independent.iter().enumerate() {
+                let of = |e: usize, arm: usize| ends[e].velocity(&arms[arm], k);
+                let v = [of(0, 0), of(1, 1), of(0, 2)];
+                let sigma = closed.solve(&add(&v[0], -T::ONE, &v[1]));
+                let moved = self.carried(&closed, ends.map(|end| end.rate[k].0), v, sigma);
+                to.iter_mut().zip(moved).for_each(|(link, moved)| link.rate[k] = moved);
+                for slider in &self.sliders {
+                    local.G[slider.joint * m + k] = slider.sense * sigma[slider.sigma];
                 }
-                Joints::Ppr => ((turn_a, add(&g1, s1, &a.velocity(&moved, k))), (turn_a, v_b)),
-            };
-            if level >= Level::Velocity {
-                let yd = local.qd[independent[k]];
-                speeds = [s1.mul_add(yd, speeds[0]), s2.mul_add(yd, speeds[1])];
+                if level >= Level::Velocity {
+                    speeds = [0, 1].map(|x: usize| sigma[x].mul_add(local.qd[*i], speeds[x]));
+                }
             }
-            for slider in &self.sliders {
-                local.G[slider.joint * m + k] = slider.sense * [s1, s2][slider.sigma];
-            }
-        }
-        if level >= Level::Velocity {
-            (first.speed, second.speed) = match self.joints {
-                Joints::Rrp => (speeds[0], b.speed),
-                Joints::Rpr => (speeds[0], speeds[0]),
-                Joints::Prp => (a.speed, b.speed),
-                Joints::Ppr => (a.speed, a.speed),
-            };
-            for slider in &self.sliders {
+            let turns = ends.map(|end| end.speed);
+            let moved = self.carried(&closed, turns, [[T::ZERO; 2]; 3], speeds);
+            to.iter_mut().zip(moved).for_each(|(link, moved)| link.speed = moved.0);
+            for slider in self.sliders.iter().filter(|_| level >= Level::Velocity) {
                 local.qd[slider.joint] = slider.sense * speeds[slider.sigma];
             }
-        }
-        if level == Level::Acceleration {
-            let (a_a, a_b) = (a.acceleration(&arm_a), b.acceleration(&arm_b));
-            let x = add(&a_a, -T::ONE, &a_b);
-            let twice = |w: T, v: T| (w + w) * v;
-            let x = match self.joints {
-                // a guide is that of c₂, with the other sign where it is on the right side
-                Joints::Rrp => {
-                    let on_guide = add(&right(&g1), twice(b.speed, speeds[1]), &x);
-                    add(&closed.arm, speeds[0] * speeds[0], &on_guide)
+            if level == Level::Acceleration {
+                let sigma = self.bias(&closed, &ends, &arms, speeds, &mut to);
+                for slider in &self.sliders {
+                    local.g[slider.joint] = slider.sense * sigma[slider.sigma];
                 }
-                Joints::Rpr => {
-                    let on_guide = add(&right(&g1), -twice(speeds[0], speeds[1]), &x);
-                    add(&closed.arm, speeds[0] * speeds[0], &on_guide)
-                }
-                Joints::Prp | Joints::Ppr => {
-                    let turning = if self.joints == Joints::Prp { b.speed } else { a.speed };
-                    let on_first = add(&right(&g1), -twice(a.speed, speeds[0]), &x);
-                    add(&right(&g2), -twice(turning, speeds[1]), &on_first)
-                }
-            };
-            let [s1, s2] = solve(&x);
-            (first.bias, second.bias) = match self.joints {
-                Joints::Rrp => {
-                    let turned = add(&right(&closed.arm), s1, &a_a);
-                    let of_pin = add(&closed.arm, -(speeds[0] * speeds[0]), &turned);
-                    ((s1, a_a), (b.bias.0, of_pin))
-                }
-                Joints::Rpr => ((s1, a_a), (s1, a_b)),
-                Joints::Prp | Joints::Ppr => {
-                    let on_guide = add(&g1, s1, &a.acceleration(&moved));
-                    let of_first = add(&right(&g1), twice(a.speed, speeds[0]), &on_guide);
-                    match self.joints {
-                        Joints::Prp => ((a.bias.0, of_first), (b.bias.0, of_first)),
-                        _ => ((a.bias.0, of_first), (a.bias.0, a_b)),
-                    }
-                }
-            };
-            for slider in &self.sliders {
-                local.g[slider.joint] = slider.sense * [s1, s2][slider.sigma];
             }
         }
-        (links[self.to[0]], links[self.to[1]]) = (first, second);
+        self.to.iter().zip(to).for_each(|(at, link)| local.scratch.plane[*at] = link);
         Validity { gain, ..validity }
+    }
+
+    /// Arms from the anchors of the bodies of A and B of the point where the sides are taken at
+    /// σ̇ = 0; and from the first one of the point that carries a link along c₁.
+    #[inline(always)]
+    fn arms(&self, closed: &Closed<T>, [a, b]: &[PlaneLink<T>; 2]) -> [Plane<T>; 3] {
+        let of = |link: &PlaneLink<T>, k: usize| link.arm(&self.from[k].arm);
+        let to = |link: &PlaneLink<T>, x: &Plane<T>| add(&link.at, -T::ONE, x);
+        let [first, end] = &closed.anchors;
+        match self.joints {
+            Joints::Rrp => [of(a, 0), to(b, end), of(a, 0)],
+            Joints::Rpr => [of(a, 0), of(b, 1), of(a, 0)],
+            Joints::Prp => [to(a, end), to(b, end), to(a, first)],
+            Joints::Ppr => [to(a, end), of(b, 1), to(a, first)],
+        }
+    }
+
+    /// Rates of both links, of the turn and of the anchor, from those of the bodies' turns, of the
+    /// points of [`Self::arms`] and of σ.
+    #[inline(always)]
+    fn carried(
+        &self,
+        closed: &Closed<T>,
+        [turn_a, turn_b]: [T; 2],
+        [x_a, x_b, x]: [Plane<T>; 3],
+        sigma: [T; 2],
+    ) -> [(T, Plane<T>); 2] {
+        let along = add(&closed.columns[0], sigma[0], &x);
+        match self.joints {
+            Joints::Rrp => [(sigma[0], x_a), (turn_b, along)],
+            Joints::Rpr => [(sigma[0], x_a), (sigma[0], x_b)],
+            Joints::Prp => [(turn_a, along), (turn_b, along)],
+            Joints::Ppr => [(turn_a, along), (turn_a, x_b)],
+        }
+    }
+
+    /// Accelerations of both links and of σ at ÿ = 0.
+    #[inline(always)]
+    fn bias(
+        &self,
+        closed: &Closed<T>,
+        ends: &[PlaneLink<T>; 2],
+        arms: &[Plane<T>; 3],
+        [s1, s2]: [T; 2],
+        to: &mut [PlaneLink<T>; 2],
+    ) -> [T; 2] {
+        let of = |e: usize, arm: usize| ends[e].acceleration(&arms[arm]);
+        let a = [of(0, 0), of(1, 1), of(0, 2)];
+        let [w_a, w_b] = [ends[0].speed, ends[1].speed];
+        // a slider on a guide that turns, and the end of a link that turns
+        let guided = |k: usize, w: T, s: T| right(&closed.guides[k]).map(|g| (w + w) * (g * s));
+        let outwards = closed.arm.map(|x| x * (s1 * s1));
+        let both = |w: T| add(&guided(0, w_a, s1), T::ONE, &guided(1, w, s2)).map(|x| -x);
+        let none = [T::ZERO; 2];
+        let [sides, along] = match self.joints {
+            Joints::Rrp => [add(&guided(0, w_b, s2), T::ONE, &outwards), outwards.map(|x| -x)],
+            Joints::Rpr => [add(&guided(0, s1, s2), -T::ONE, &outwards), none],
+            Joints::Prp => [both(w_b), guided(0, w_a, s1)],
+            Joints::Ppr => [both(w_a), guided(0, w_a, s1)],
+        };
+        let apart = add(&a[0], -T::ONE, &a[1]);
+        let sigma = closed.solve(&add(&sides, T::ONE, &apart));
+        let a = [a[0], a[1], add(&along, T::ONE, &a[2])];
+        let moved = self.carried(closed, ends.each_ref().map(|end| end.bias.0), a, sigma);
+        to.iter_mut().zip(moved).for_each(|(link, moved)| link.bias = moved);
+        sigma
     }
 }
