@@ -16,11 +16,11 @@ use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::place;
 use crate::closure::numerical::inverse::{accurate, inverse_square_sine};
 use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
-use crate::closure::{Level, Local, MOST, Rate, Universal, Validity};
+use crate::closure::{Level, Local, MOST, Rate, Scratch, Universal, Validity};
 use crate::linalg::solve_pivoted;
-use crate::mechanism::{Body, Cluster, Dof, read_turns, turn};
+use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
-use crate::spatial::{Pose, zero};
+use crate::spatial::{Matrix, Pose, zero};
 
 /// Steps from a seed; the first takes an inverse of its own, the second after a first above
 /// ε^(1/4).
@@ -74,25 +74,24 @@ constants! { Rod:
     map universal center ball;
 }
 
-/// A freedom on the way from one end of a rod to the other.
+/// A joint on the way from one end of a rod to the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mover {
-    pub(crate) dof: Dof,
+    pub(crate) joint: usize,
     /// It moves the ball, not the universal joint.
     pub(crate) of_ball: bool,
     /// Its number among the unknowns, or in y.
     pub(crate) column: Result<usize, usize>,
 }
 
-impl Mover {
-    /// Velocity of a point, in which both bodies coincide, of the ball's body against the other.
-    #[inline(always)]
-    fn velocity<T: Real>(&self, pose: &[Pose<T>], point: Vector3<T>) -> Vector3<T> {
-        let pose = &pose[self.dof.body + 1];
-        let axis = self.dof.axis(&pose.R);
-        let axis = if self.of_ball { axis } else { -axis };
-        if self.dof.slides() { axis } else { axis.cross(point - pose.p) }
-    }
+/// A turn, and the velocity that goes with it of a point in the origin {cluster's parent body}.
+pub(crate) type Twist<T> = [Vector3<T>; 2];
+
+/// That of a joint for a unit of its rate.
+#[inline(always)]
+pub(crate) fn screw<T: Real>(motion: Motion, pose: &Pose<T>) -> Twist<T> {
+    let axis = pose.R.col(2);
+    if motion == Motion::Prismatic { [zero(), axis] } else { [axis, pose.p.cross(axis)] }
 }
 
 /// A rod at a pose {cluster's parent body}: S, and d.
@@ -154,7 +153,7 @@ impl<T: Real> Rods<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Validity<T> {
-        self.place(cluster, bodies, local);
+        self.place_all(cluster, bodies, local);
         let (mut good, mut gain) = self.newton::<M>(cluster, bodies, local);
         if level > Level::Position {
             let (sound, at_pose) = self.jacobian::<M>(cluster, local, level);
@@ -163,6 +162,9 @@ impl<T: Real> Rods<T> {
         }
         if level >= Level::Acceleration {
             self.bias::<M>(cluster, bodies, local);
+        }
+        if level > Level::Position {
+            self.displace(cluster, local, level);
         }
         Validity { singular: !good, gain, ..Validity::fine() }
             .then(self.turn(cluster, local, level))
@@ -176,19 +178,22 @@ impl<T: Real> Rods<T> {
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) {
-        self.place(cluster, bodies, local);
+        self.place_all(cluster, bodies, local);
         self.turn(cluster, local, Level::Position);
     }
 
     /// Poses of the bodies between which rods are.
-    #[inline(always)]
-    fn place(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+    fn place_all(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
         turn(&self.given, local.q, local.cos_sin);
-        turn(&self.turned, local.q, local.cos_sin);
         local.scratch.pose[0] = Pose::identity();
-        for &j in self.before.iter().chain(&self.moving) {
-            place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
-        }
+        place_some(&self.before, cluster, bodies, local);
+        self.place_moving(cluster, bodies, local);
+    }
+
+    #[inline(always)]
+    fn place_moving(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+        turn(&self.turned, local.q, local.cos_sin);
+        place_some(&self.moving, cluster, bodies, local);
     }
 
     /// The turns of the rods at these poses, and their rates.
@@ -226,7 +231,7 @@ impl<T: Real> Rods<T> {
             let fresh = k == 0 || k == 1 && !sizes[0].lt(chord);
             if fresh {
                 let scratch = &mut *local.scratch;
-                self.matrix::<M>(&scratch.pose, &mut scratch.A, |_, _, _| ());
+                self.matrix::<M>(&scratch.pose, &scratch.screw, &mut scratch.A, |_, _, _| ());
                 let (sound, at_pose) = self.invert::<M>(local);
                 good &= sound;
                 gain = at_pose;
@@ -244,10 +249,7 @@ impl<T: Real> Rods<T> {
                 let size = if dof.slides() { step.abs() * unit } else { step.abs() };
                 sizes[k] = sizes[k].larger(size);
             }
-            turn(&self.turned, local.q, local.cos_sin);
-            for &j in &self.moving {
-                place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
-            }
+            self.place_moving(cluster, bodies, local);
         }
         let [first, second, last] = sizes;
         let rounding = T::from_f64(ROUNDINGS * T::EPSILON);
@@ -266,6 +268,7 @@ impl<T: Real> Rods<T> {
     pub(crate) fn matrix<const M: usize>(
         &self,
         pose: &[Pose<T>],
+        screw: &[Twist<T>],
         A: &mut [T],
         mut independent: impl FnMut(usize, usize, T),
     ) {
@@ -274,8 +277,11 @@ impl<T: Real> Rods<T> {
         for (i, rod) in self.rods[..m].iter().enumerate() {
             let at = rod.at(pose);
             let along = at.d * rod.inverse_length;
+            let moment = at.ball.cross(along);
             for mover in &rod.path {
-                let x = along.dot(mover.velocity(pose, at.ball));
+                let [turn, velocity] = screw[mover.joint];
+                let x = moment.dot(turn) + along.dot(velocity);
+                let x = if mover.of_ball { x } else { -x };
                 match mover.column {
                     Ok(column) => A[i * m + column] = x,
                     Err(k) => independent(i, k, x),
@@ -319,7 +325,8 @@ impl<T: Real> Rods<T> {
         let scratch = &mut *local.scratch;
         let B = &mut scratch.B[..m * n];
         B.fill(T::ZERO);
-        self.matrix::<M>(&scratch.pose, &mut scratch.A, |i, k, x| B[i * n + k] = x);
+        let screw = &scratch.screw;
+        self.matrix::<M>(&scratch.pose, screw, &mut scratch.A, |i, k, x| B[i * n + k] = x);
         let (sound, gain) = self.invert::<M>(local);
         for (k, &j) in cluster.independent.iter().enumerate() {
             local.G[j * n..(j + 1) * n].fill(T::ZERO);
@@ -367,6 +374,38 @@ impl<T: Real> Rods<T> {
                 .fold(T::ZERO, |sum, (x, phi)| x.mul_add(*phi, sum));
         }
     }
+
+    /// Twists of the bodies for each independent, then for q̈ = g.
+    #[inline(always)]
+    fn displace(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) {
+        let n = cluster.n_vy;
+        let Scratch { screw, twist, .. } = &mut *local.scratch;
+        for &j in self.before.iter().chain(&self.moving) {
+            let mut own = twist[cluster.local_parent[j]];
+            let mut add = |k: usize, x: T| {
+                own[k] = [0, 1].map(|of| own[k][of].add_scaled(screw[j][of], x));
+            };
+            (0..n).for_each(|k| add(k, local.G[j * n + k]));
+            if level == Level::Acceleration {
+                add(MOST, local.g[j]);
+            }
+            twist[j + 1] = own;
+        }
+    }
+}
+
+/// Poses and screws of these joints' bodies.
+#[inline(always)]
+fn place_some<T: Real>(
+    joints: &[usize],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) {
+    for &j in joints {
+        place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.scratch.screw[j] = screw(bodies[j].motion, &local.scratch.pose[j + 1]);
+    }
 }
 
 impl<T: Real> Rod<T> {
@@ -381,24 +420,14 @@ impl<T: Real> Rod<T> {
             return validity;
         }
         // velocity of the ball against the carrier for each independent, and by g
-        let mut e = [zero(); MOST];
-        let mut e_g = zero();
-        for mover in &self.path {
-            let v = mover.velocity(&local.scratch.pose, at.ball);
-            match mover.column {
-                Ok(_) => {
-                    let row = &local.G[mover.dof.v * n..(mover.dof.v + 1) * n];
-                    e.iter_mut().zip(row).for_each(|(e, x)| *e = e.add_scaled(v, *x));
-                    if level == Level::Acceleration {
-                        e_g = e_g.add_scaled(v, local.g[mover.dof.v]);
-                    }
-                }
-                Err(k) => e[k] = e[k] + v,
-            }
-        }
+        let ends = self.bodies.map(|body| &local.scratch.twist[body]);
+        let apart = |k: usize| {
+            let [turn, velocity] = [0, 1].map(|of| ends[1][k][of] - ends[0][k][of]);
+            velocity.add_cross(turn, at.ball)
+        };
         let mut rates = [T::ZERO; 2];
-        for (k, e) in e[..n].iter().enumerate() {
-            let of_turns = rod.solve(e);
+        for k in 0..n {
+            let of_turns = rod.solve(&apart(k));
             for (i, v) in self.turns.into_iter().enumerate() {
                 local.G[v * n + k] = of_turns[i];
                 rates[i] = of_turns[i].mul_add(local.qd[cluster.independent[k]], rates[i]);
@@ -413,7 +442,7 @@ impl<T: Real> Rod<T> {
             let scratch = &*local.scratch;
             let Rate { w, alpha, .. } = scratch.rate[self.bodies[0]];
             let [_, a] = self.moved(&at, &scratch.pose, &scratch.rate);
-            set(local.g, rod.solve(&(a + e_g - rod.acceleration(w, alpha, rates))));
+            set(local.g, rod.solve(&(a + apart(MOST) - rod.acceleration(w, alpha, rates))));
         }
         validity
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::{Mover, Rod, Rods, Universal};
+use crate::closure::{Mover, Rod, Rods, Universal, screw};
 use crate::compile::closed_forms::{Deviation, Reading, Subject, is_ball, platform, sign};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
@@ -43,7 +43,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<(Rods<Dd>, Vec<Deviation>), Strin
         moves[j + 1] = moves[*parent] || unknowns.contains(&j);
     }
     for mover in rods.iter_mut().flat_map(|rod| &mut rod.path) {
-        let j = mover.dof.v;
+        let j = mover.joint;
         let unknown = unknowns.iter().position(|x| *x == j);
         let place = cluster.independent.iter().position(|x| *x == j);
         mover.column = match (unknown, place) {
@@ -134,7 +134,7 @@ fn rod(
     };
     let path = cut.path.iter().filter(|(j, _)| !joints.contains(j));
     let mover = |(j, on_successor): &(usize, bool)| Mover {
-        dof: of.dof(*j),
+        joint: *j,
         of_ball: *on_successor == is_predecessor,
         column: Err(*j),
     };
@@ -154,7 +154,9 @@ impl Rods<Dd> {
     fn order(&mut self, of: &Reading<'_>) -> Result<(), String> {
         let m = self.unknowns.len();
         let mut A = vec![Dd::ZERO; m * m];
-        self.matrix::<0>(&of.zero, &mut A, |_, _, _| ());
+        let pose = of.bodies.iter().zip(&of.zero[1..]);
+        let screws: Vec<_> = pose.map(|(body, pose)| screw(body.motion, pose)).collect();
+        self.matrix::<0>(&of.zero, &screws, &mut A, |_, _, _| ());
         let mut det = Dd::ONE;
         for k in 0..m {
             let size = |i: &usize| A[i * m + k].abs().to_f64();
