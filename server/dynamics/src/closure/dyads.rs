@@ -12,7 +12,7 @@
 //!   X = x + R(θ) r        Ẋ = ẋ + θ̇ J r        Ẍ = ẍ + θ̈ J r − θ̇² r
 //! ```
 
-use crate::closure::plane::{Plane, PlaneLink, add};
+use crate::closure::plane::{PlaneLink, Point, add};
 use crate::closure::sliding::{DrivenSlide, SlidingPair};
 use crate::closure::{Level, Local, TwoLinks, Validity};
 use crate::mechanism::{Cluster, read_turns, turn};
@@ -85,18 +85,6 @@ constants! { Pair:
     keep to;
     map links;
     each from;
-}
-
-/// A point of a link: its arm from the link's anchor at zero.
-#[derive(Clone, Debug)]
-pub(crate) struct Point<T> {
-    pub(crate) link: usize,
-    pub(crate) arm: Plane<T>,
-}
-
-constants! { Point:
-    keep link;
-    map arm;
 }
 
 /// A dependent joint of the tree, its parent's and its child's link.

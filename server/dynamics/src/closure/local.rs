@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::plane::PlaneLink;
-use crate::closure::{MOST, Twist, constraint_jacobian, local_poses};
+use crate::closure::{MOST, constraint_jacobian, local_poses};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, zero};
@@ -92,6 +92,9 @@ pub(crate) struct Scratch<T> {
     /// Operations that the request may still spend on iterations.
     pub(crate) left: u64,
 }
+
+/// A turn, and the velocity that goes with it of a point in the origin {cluster's parent body}.
+pub(crate) type Twist<T> = [Vector3<T>; 2];
 
 /// Rates of a local body, cluster axes.
 #[derive(Clone, Copy, Debug)]

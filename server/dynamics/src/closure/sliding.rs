@@ -10,8 +10,7 @@
 //! n = J g. The rates of σ solve c₁ σ̇₁ + c₂ σ̇₂ = ρ, with ρ the velocity of the right side less
 //! that of the left at σ̇ = 0; their accelerations the same with the accelerations at σ̈ = 0.
 
-use crate::closure::dyads::Point;
-use crate::closure::plane::{Plane, PlaneLink, add, cross, dot, right};
+use crate::closure::plane::{Plane, PlaneLink, Point, add, cross, dot, right};
 use crate::closure::{Level, Local, Validity};
 use crate::scalar::{Real, constants};
 

@@ -335,7 +335,9 @@ fn values(
     let n = axes.len();
     let m = tabled.len();
     let stride = m.next_multiple_of(LANES);
-    let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
+    let at = |number: usize, d: usize, a: usize| {
+        (((number * stride + a / LANES * LANES) << n) + d * LANES) + a % LANES
+    };
     let mut values = vec![0.0; (grid.len() * stride) << n];
     for (number, node) in nodes.iter().enumerate() {
         let Some(node) = node else { continue };

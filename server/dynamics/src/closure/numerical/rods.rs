@@ -16,7 +16,7 @@ use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::place;
 use crate::closure::numerical::inverse::{accurate, inverse_square_sine};
 use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
-use crate::closure::{Level, Local, MOST, Rate, Scratch, Universal, Validity};
+use crate::closure::{Level, Local, MOST, Rate, Scratch, Twist, Universal, Validity};
 use crate::linalg::solve_pivoted;
 use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
@@ -84,10 +84,7 @@ pub(crate) struct Mover {
     pub(crate) column: Result<usize, usize>,
 }
 
-/// A turn, and the velocity that goes with it of a point in the origin {cluster's parent body}.
-pub(crate) type Twist<T> = [Vector3<T>; 2];
-
-/// That of a joint for a unit of its rate.
+/// Twist of a joint for a unit of its rate.
 #[inline(always)]
 pub(crate) fn screw<T: Real>(motion: Motion, pose: &Pose<T>) -> Twist<T> {
     let axis = pose.R.col(2);
@@ -382,8 +379,10 @@ impl<T: Real> Rods<T> {
         let Scratch { screw, twist, .. } = &mut *local.scratch;
         for &j in self.before.iter().chain(&self.moving) {
             let mut own = twist[cluster.local_parent[j]];
+            let [turn, velocity] = screw[j];
             let mut add = |k: usize, x: T| {
-                own[k] = [0, 1].map(|of| own[k][of].add_scaled(screw[j][of], x));
+                let [w, v] = own[k];
+                own[k] = [w.add_scaled(turn, x), v.add_scaled(velocity, x)];
             };
             (0..n).for_each(|k| add(k, local.G[j * n + k]));
             if level == Level::Acceleration {
@@ -420,10 +419,11 @@ impl<T: Real> Rod<T> {
             return validity;
         }
         // velocity of the ball against the carrier for each independent, and by g
-        let ends = self.bodies.map(|body| &local.scratch.twist[body]);
+        let [of_carrier, of_ball] = self.bodies;
+        let twist = &local.scratch.twist;
         let apart = |k: usize| {
-            let [turn, velocity] = [0, 1].map(|of| ends[1][k][of] - ends[0][k][of]);
-            velocity.add_cross(turn, at.ball)
+            let [[w, v], [w_ball, v_ball]] = [twist[of_carrier][k], twist[of_ball][k]];
+            (v_ball - v).add_cross(w_ball - w, at.ball)
         };
         let mut rates = [T::ZERO; 2];
         for k in 0..n {
