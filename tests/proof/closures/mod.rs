@@ -60,7 +60,7 @@ fn answers<T: PlanScalar>(
 }
 
 /// Largest error as a share of its bound: 64 ε cond × size, with the square of cond for
-/// accelerations, plus the effect of the misfit. A slide is a difference of lengths of the mechanism.
+/// accelerations, plus the effect of the misfit. A slide is a difference of lengths of the loop.
 fn share<T: PlanScalar>(
     mine: &(Fields<T>, Fields<T>),
     reference: &(Fields<T>, Fields<T>),

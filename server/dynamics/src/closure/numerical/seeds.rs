@@ -18,7 +18,7 @@
 //!
 //! **Closed form.** A mechanism of which a form ([`crate::closure::Form`]) agrees with Newton's
 //! method at every corner and every center of these cells is closed by it there: in a cell γ is one
-//! smooth function, and so is the form. A form that itself starts from a seed has only what it needs
+//! smooth function, and so is the form. A form that itself starts from a seed has only its unknowns
 //! in the table; the other dependents of a seed follow from these.
 
 use crate::scalar::Real;
