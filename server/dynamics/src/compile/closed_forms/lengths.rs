@@ -166,7 +166,7 @@ impl Rods<Dd> {
             }
             (0..m).for_each(|j| A.swap(k * m + j, p * m + j));
             self.rods.swap(k, p);
-            det = det * A[k * m + k];
+            det *= A[k * m + k];
             for i in k + 1..m {
                 let l = A[i * m + k] / A[k * m + k];
                 (k..m).for_each(|j| A[i * m + j] = A[i * m + j] - l * A[k * m + j]);
