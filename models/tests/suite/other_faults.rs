@@ -54,7 +54,7 @@ fn another_format_is_reported() {
 fn an_empty_robot_and_an_empty_list_are_reported() {
     let reported = reported_of(b"<robot name=\"r\"/>", Some(b""), false);
     let expected = "robot.urdf:1:1: the robot has no link, expected at least one, add links\n\
-        submechanisms.yml:1:1: the file is nothing, expected a mapping with the keys submechanisms, exoskeletons, correct it\n";
+        submechanisms.yml:1:1: the file is nothing, expected a mapping with the keys submechanisms, actuators, exoskeletons, correct it\n";
     assert_eq!(reported, expected);
     let reported = reported_of(URDF.as_bytes(), Some(b"submechanisms: []"), false);
     assert_eq!(

@@ -40,7 +40,7 @@ faults! { yaml:
     a_file_without_submechanisms_is_an_error:
         "submechanisms:\n" => "robots:\n",
         "submechanisms.yml:1:1: the key `robots` of the file is not known, expected submechanisms, \
-         exoskeletons, remove it",
+         actuators, exoskeletons, remove it",
         "submechanisms.yml:1:1: the file has no `submechanisms`, expected a list of at least one, \
          add it";
     an_unknown_key_is_an_error_with_the_nearest:

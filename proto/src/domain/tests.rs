@@ -59,7 +59,7 @@ fn the_counter_of_nodes_has_the_name_that_is_known_and_is_closed_to_others() {
 
 #[test]
 fn a_directory_of_somebody_else_is_refused() {
-    for path in ["relative", "/tmp/Müller", "/tmp/it's", "/tmp/two\nlines"] {
+    for path in ["relative", "/tmp/Müller", "/tmp/a\"quote", "/tmp/two\nlines"] {
         let error = Domain::at(Path::new(path)).unwrap_err();
         assert!(matches!(error, DomainError::Path { .. }), "{error}");
     }

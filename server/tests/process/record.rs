@@ -303,7 +303,7 @@ fn a_supervised_server_without_room_for_its_recording_answers() {
     // a disk with room for one recording and a sixth, or for one, seen by these processes only
     for (size, warning) in [
         ("52m", "the disk has room to record 7 s only"),
-        ("44m", "nothing is recorded: no room for "),
+        ("45m", "nothing is recorded: no room for "),
     ] {
         let sandbox = Sandbox::new();
         let folder = Folder::new("record-room");

@@ -174,7 +174,7 @@ fn what_the_motors_allow_has_its_shapes_and_names() {
     for name in ["reflected_inertia", "reflected_damping"] {
         assert_eq!(shape(&answer[name]), (2, 2), "{name}");
     }
-    assert_eq!(keys(&answer["gains_y"]), ["damping", "force", "stiffness"]);
+    assert_eq!(keys(&answer["gains_y"]), ["stiffness", "damping", "force"]);
     assert_eq!(shape(&answer["gains_y"]["stiffness"]), (2, 2));
     assert!(answer["margin"].as_f64().unwrap() > 0.0);
     assert_eq!(answer["binding"].as_array().unwrap().len(), 1);
@@ -211,7 +211,7 @@ fn an_observer_goes_from_line_to_line_and_finds_the_force_of_a_robot_that_stands
         line["observer"] = answer["observer"].clone();
     }
     assert_eq!(forces[0], 0.0);
-    // what holds the robot lacks 2 N m, so that something else gives them
+    // the actuators lack 2 N m that hold the robot: something else gives them
     for (k, force) in forces.iter().enumerate() {
         assert!((force - 2.0 * (1.0 - (-2.0 * k as f64).exp())).abs() < 1e-12, "{forces:?}");
     }
@@ -303,12 +303,12 @@ fn steps_of_tasks_have_their_motion_and_name_their_limits() {
     };
     let twist = format!(r#""twist":{}"#, there["twist"]);
     let found = of("diff-ik", &twist, r#","y":[0.3]"#);
-    assert_eq!(keys(&found)[2..], ["yd", "task_residual", "binding"]);
+    assert_eq!(keys(&found)[2..], ["yd", "binding", "task_residual"]);
     assert_eq!((&found["status"], &found["binding"]), (&json!("ok"), &json!([])));
     assert!((numbers(&found["yd"])[0] - 0.2).abs() < 1e-6, "{found}");
     let acc = format!(r#""acc":{}"#, there["acc"]);
     let found = of("step", &acc, r#","y":[0.3],"yd":[0.2]"#);
-    assert_eq!(keys(&found)[2..], ["ydd", "tau_u", "task_residual", "binding", "contact_forces"]);
+    assert_eq!(keys(&found)[2..], ["ydd", "tau_u", "binding", "task_residual", "contact_forces"]);
     assert!((numbers(&found["ydd"])[0] - 0.1).abs() < 1e-6, "{found}");
     assert_eq!(found["contact_forces"], json!({}));
     let line = format!(r#"{{"y":[0.3],"yd":[0.2],"tau_u":[{}]}}"#, numbers(&found["tau_u"])[0]);
@@ -354,7 +354,7 @@ fn positions_are_found_for_tasks_and_name_their_bounds() {
         one("ik", "lambda", &line)
     };
     let found = of(&there["p"], "");
-    assert_eq!(keys(&found)[2..], ["y", "q", "u", "iterations", "task_residual", "binding"]);
+    assert_eq!(keys(&found)[2..], ["y", "q", "u", "iterations", "binding", "task_residual"]);
     assert_eq!((&found["status"], &found["binding"]), (&json!("ok"), &json!([])));
     assert!((numbers(&found["y"])[0] - 0.3).abs() < 1e-8, "{found}");
     assert!(numbers(&found["task_residual"])[0] <= 1e-9 && found["task_residual"][1].is_null());

@@ -218,7 +218,7 @@ class TaskRobot(DescribedRobot):
             still = np.zeros((*motion.shape[:-2], len(contacts), 7))
             motion = np.concatenate((motion, still), axis=-2)
         frames, parts = [*frames, *contacts], [*parts, *([HELD] * len(contacts))]
-        given |= {"dt": [dt], "com_target": com, "task_motion": motion if frames else None}
+        given |= {"dt": dt, "com_target": com, "task_motion": motion if frames else None}
         for space, pairs in (bounds or {}).items():
             given[f"bounds_{space}"] = finite(pairs)
         return self._with_tasks(request, given, want, (frames, parts), options, batch)

@@ -20,7 +20,6 @@ use crate::workspace::Workspace;
 const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
-
 /// Fields of actuators that read C_y − Gᵀ Σ Jᵀ w, and τ_u.
 const NET: [Field; 2] = [Field::TorqueVerticesNet, Field::TorqueSupportNet];
 const READ_TAU_U: [Field; 2] = [Field::GainsY, Field::ClipNearest];

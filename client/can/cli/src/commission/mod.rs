@@ -36,7 +36,7 @@ const FOLLOWS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 /// Part of its own way by which an actuator that is held may move.
 const HELD: f64 = 0.5;
 
-/// The result of a motor whose model's effort is within what may differ.
+/// The result of a motor for which the model's effort is smaller than the allowed difference.
 const UNJUDGED: &str = "effort not judged";
 /// Stands below a table with such a motor.
 const UNJUDGED_HELP: &str = "effort not judged: the model needs less than may differ, so a wrong \

@@ -9,6 +9,10 @@ use crate::closure::{Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr,
 use crate::mechanism::{Body, Cluster, Dof, Winding};
 use crate::scalar::{Real, constants};
 
+/// 1/sin² of the angle that vanishes at a singular pose beyond which the rows themselves answer:
+/// there a form enlarges the misfit that it may have.
+const MOST_GAIN: f64 = 1e4;
+
 /// The closed form of a cluster that the rows of Newton's method describe.
 #[derive(Clone, Debug)]
 pub(crate) struct Formed<T> {
@@ -74,7 +78,8 @@ impl<T: Real> Numerical<T> {
             return None;
         }
         let outcome = form.close(cluster, bodies, local, level);
-        (outcome.status == Status::Ok).then_some(outcome)
+        let is_sound = outcome.status == Status::Ok && outcome.gain < MOST_GAIN;
+        is_sound.then_some(outcome)
     }
 
     /// The seeds that the form asks for, from the zero pose turned by whole turns; `None` where it
