@@ -398,7 +398,7 @@ mod tests {
             let mut numbers = Numbers(seed * 7919 + 3);
             let n = 1 + seed as usize % 14;
             let m = seed as usize * 5 % 23;
-            let equal = if seed % 3 == 0 { m.min(n / 3) } else { 0 };
+            let equal = if seed.is_multiple_of(3) { m.min(n / 3) } else { 0 };
             let B = numbers.list(2 * n * n);
             let mut H = vec![0.0; n * n];
             for i in 0..n {

@@ -254,7 +254,7 @@ impl Program<'_> {
         self.tasks.bounds(given, search)?;
         let dt = self.given(Field::Dt)[0];
         let weighs = |(k, _): (usize, TaskParts)| self.wanted(k)[NUMBERS - 1] > 0.0;
-        if !(dt > 0.0) || !self.free(0).chain(self.free(1)).all(weighs) {
+        if (dt.is_nan() || dt <= 0.0) || !self.free(0).chain(self.free(1)).all(weighs) {
             return Err(Status::BadRequest);
         }
         let first = self.costs(search);
