@@ -303,7 +303,7 @@ fn limits_that_contradict_are_named() {
         let axis = [0.0, 1.0, 0.0];
         let bob = Inertial::point(1.0, [1.0, 0.0, 0.0]);
         let first = robot.revolute("a", LinkId::BASE, axis).limits(-1.0, 1.0).velocity_limit(2.0);
-        let first = first.effort_limit(5.0).inertial(bob.clone()).link();
+        let first = first.effort_limit(5.0).inertial(bob).link();
         let second = robot.revolute("b", first, axis).origin([1.0, 0.0, 0.0]).inertial(bob);
         let second = second.limits(-1.0, 1.0).velocity_limit(2.0).effort_limit(effort).link();
         robot.fixed("c", second).origin([1.0, 0.0, 0.0]).link_name("tip");

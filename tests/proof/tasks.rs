@@ -253,8 +253,7 @@ fn two_links(limits: [f64; 2]) -> Model<f64> {
     let bob = Inertial::point(1.0, [1.0, 0.0, 0.0]);
     let z = [0.0, 0.0, 1.0];
     let [lower, upper] = limits;
-    let first =
-        robot.revolute("a", LinkId::BASE, z).limits(lower, upper).inertial(bob.clone()).link();
+    let first = robot.revolute("a", LinkId::BASE, z).limits(lower, upper).inertial(bob).link();
     let second = robot
         .revolute("b", first, z)
         .origin([1.0, 0.0, 0.0])

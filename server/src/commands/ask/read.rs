@@ -455,11 +455,10 @@ fn named_request(value: Value<'_>) -> Result<Request, Problem> {
 /// True for a member of an answer that needs links.
 fn is_of_frames(output: Output) -> bool {
     use Field::{DjacobianDy, JdYd, TaskBias, TaskGravity, TaskInertia, TaskRank};
-    match output {
-        Output::Frames | Output::Jacobians => true,
-        Output::Field(JdYd | DjacobianDy | TaskInertia | TaskBias | TaskGravity | TaskRank) => true,
-        _ => false,
-    }
+    let Output::Field(field) = output else {
+        return matches!(output, Output::Frames | Output::Jacobians);
+    };
+    matches!(field, JdYd | DjacobianDy | TaskInertia | TaskBias | TaskGravity | TaskRank)
 }
 
 /// The names of all requests.
