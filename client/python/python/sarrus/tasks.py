@@ -68,13 +68,9 @@ class TaskRobot(DescribedRobot):
 
     if TYPE_CHECKING:
 
-        def query(
-            self,
-            request: RequestName,
-            given: Sequence[str],
-            want: Sequence[str] | None = None,
-            **options: Any,
-        ) -> Query: ...
+        def query(self, *words: Any, **options: Any) -> Query:
+            """Make a query, as the whole robot does."""
+            ...
 
     def ik(
         self,
