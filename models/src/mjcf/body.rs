@@ -39,7 +39,6 @@ pub(super) struct Joint {
     pub(super) range: Option<[f64; 2]>,
     pub(super) effort: f64,
     pub(super) terms: Terms,
-    pub(super) friction: f64,
     /// The joints that it follows, and the offset.
     pub(super) coupling: Option<(Vec<(String, f64)>, f64)>,
     /// Where an equality holds it.
@@ -362,6 +361,7 @@ impl<'e, 'd> Walk<'e, 'd> {
             stiffness: item.linear("stiffness", self.diagnostics),
             rest,
             rotor_inertia: item.number("armature", self.diagnostics).unwrap_or(0.0),
+            friction: item.dry_friction(self.diagnostics),
             ..Terms::default()
         };
         let joint = Joint {
@@ -374,7 +374,6 @@ impl<'e, 'd> Walk<'e, 'd> {
             range,
             effort: effort.map_or(f64::INFINITY, largest),
             terms,
-            friction: item.number("frictionloss", self.diagnostics).unwrap_or(0.0),
             coupling: None,
             held: None,
             drive: None,

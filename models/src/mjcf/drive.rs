@@ -21,7 +21,6 @@ pub(super) struct Tendon {
     dynamics: Terms,
     range: Option<[f64; 2]>,
     effort: f64,
-    friction: f64,
     /// The sum of its actuators' largest forces; `None` where it is not driven.
     drive: Option<f64>,
 }
@@ -96,11 +95,11 @@ pub(super) fn tendons<'e>(
                 stiffness: linear[0],
                 rest: rest - at_zero,
                 rotor_inertia: armature,
+                friction: item.dry_friction(diagnostics),
                 ..Terms::default()
             },
             range: range.map(|range| range.map(|of| of - at_zero)),
             effort: effort.map_or(f64::INFINITY, largest),
-            friction: item.number("frictionloss", diagnostics).unwrap_or(0.0),
             drive: None,
         });
     }
@@ -177,7 +176,7 @@ fn limit(item: &Item<'_>, compiler: &Compiler, diagnostics: &mut Diagnostics) ->
 /// Turns the tendons that act into joints without mass.
 pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &mut Diagnostics) {
     for tendon in tendons {
-        let Tendon { name, span, terms, dynamics, range, effort, friction, drive } = tendon;
+        let Tendon { name, span, terms, dynamics, range, effort, drive } = tendon;
         let acts = dynamics.stiffness != 0.0
             || dynamics.damping != 0.0
             || dynamics.rotor_inertia != 0.0
@@ -204,7 +203,6 @@ pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &m
             range,
             effort,
             terms: dynamics,
-            friction,
             coupling: Some((terms, 0.0)),
             held: None,
             drive,

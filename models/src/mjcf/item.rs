@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use sarrus_dynamics::description::Friction;
+
 use super::document::{Attribute, Element};
 use crate::report::{Diagnostics, Span, quoted};
 
@@ -85,6 +87,12 @@ impl<'e> Item<'e> {
             diagnostics.dynamics(self.at(name), found, "one number", help);
         }
         numbers.first().copied().unwrap_or(0.0)
+    }
+
+    /// `frictionloss`.
+    pub(super) fn dry_friction(&self, diagnostics: &mut Diagnostics) -> Friction {
+        let coulomb = self.number("frictionloss", diagnostics).unwrap_or(0.0);
+        Friction { coulomb, ..Friction::default() }
     }
 
     /// `true`, `false` or `auto`; `auto` and no value are `None`.

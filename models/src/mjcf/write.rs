@@ -134,12 +134,13 @@ fn of_joint(joint: &Joint, place: Pose, parent: &str, child: &str) -> String {
         }
     }
     let terms = joint.terms;
+    let dry = terms.friction.coulomb;
     let spring = terms.stiffness != 0.0 && is_single;
     let rotor = terms.rotor_inertia != 0.0 && is_single;
     let has_damping = is_single || joint.kind == Kind::Ball;
     let all = [
         ("damping", terms.damping, terms.damping != 0.0 && has_damping),
-        ("friction", joint.friction, joint.friction != 0.0 && is_single),
+        ("friction", dry, dry != 0.0 && is_single),
         ("spring_stiffness", terms.stiffness, spring),
         ("spring_reference", terms.rest, spring),
         ("rotor_inertia", terms.rotor_inertia, rotor),
