@@ -14,6 +14,7 @@ const EFFORT: usize = 2;
 
 impl Plan {
     /// Whether a position, velocity or actuator force lies outside its limits.
+    #[inline(always)]
     pub(super) fn limits<T: Real>(&self, ws: &Workspace<T>) -> Warnings {
         let mut exceeded = false;
         self.each_limit(ws, |_, _, x, [lower, upper]| exceeded |= x < lower || x > upper);

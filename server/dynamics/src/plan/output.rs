@@ -15,7 +15,7 @@ use crate::workspace::Workspace;
 
 impl Plan {
     /// Writes every wanted field.
-    #[inline]
+    #[inline(always)]
     pub(super) fn write<T: Real>(
         &self,
         model: &Model<T>,
@@ -45,16 +45,8 @@ impl Plan {
                 return status;
             }
         }
-        // no packet has them
-        if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
-            let status = self.write_motors(model, ws, motors, input, output);
-            if status != Status::Ok {
-                return status;
-            }
-        }
-        // after all fields that it overwrites in the workspace
-        if self.steps.task_space {
-            let status = self.write_task_space(model, ws, report, output);
+        if self.motors.is_some() || self.steps.task_space {
+            let status = self.write_rare(model, ws, report, input, output);
             if status != Status::Ok {
                 return status;
             }
@@ -76,20 +68,50 @@ impl Plan {
         self.check_overflow(output)
     }
 
+    /// Writes the fields of motors, then those of task space, which overwrites the workspace.
+    #[inline(never)]
+    fn write_rare<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        report: &mut RunReport<T>,
+        input: &[T],
+        output: &mut [T],
+    ) -> Status {
+        // no packet has them
+        if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
+            let status = self.write_motors(model, ws, motors, input, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
+        if self.steps.task_space {
+            return self.write_task_space(model, ws, report, output);
+        }
+        Status::Ok
+    }
+
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
+    #[inline(always)]
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
+        let fits = if self.steps.conditions || self.motors.is_some() || self.task.is_some() {
+            self.are_finite(output)
+        } else {
+            all_finite(output)
+        };
+        if fits { Status::Ok } else { Status::NonFiniteInput }
+    }
+
+    /// The same of a plan with fields that may be infinite.
+    #[inline(never)]
+    fn are_finite<T: Real>(&self, output: &[T]) -> bool {
         let may_be_infinite = |field: Field| {
             matches!(field, Field::CondKd | Field::CondGu | Field::CondMy)
                 || matches!(field, Field::TaskResidual | Field::Solutions)
                 || field.is_of_motors()
         };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
-        let fits = if self.steps.conditions || self.motors.is_some() || self.task.is_some() {
-            slots.all(|slot| all_finite(&output[slot.range()]))
-        } else {
-            all_finite(output)
-        };
-        if fits { Status::Ok } else { Status::NonFiniteInput }
+        slots.all(|slot| all_finite(&output[slot.range()]))
     }
 
     /// Writes NaN except to the outputs that survive a failure.
