@@ -2,7 +2,7 @@
 //! continue.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::{Dd, Dual, Real};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Answer, Compiled, Field, Model, PlanScalar, Status, Warnings};
 
 use crate::coordinates::largest;
@@ -17,6 +17,12 @@ const REACH: f64 = 0.5;
 /// Share of the fastest joint's distance in a step by which a smooth motion is not off the mean of
 /// its velocities.
 const JUMP: f64 = 0.3;
+
+/// Step of a difference quotient as a share of a coordinate or of the floor: √ε.
+const STEP: f64 = 1.5e-8;
+
+/// Least size of a coordinate for its step `[rad, m, rad/s, m/s]`.
+const STEP_FLOOR: f64 = 0.1;
 
 /// Counts of evaluations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,7 +51,6 @@ pub(crate) struct Engine {
     pub(crate) mechanism: Mechanism,
     rates: Rates<f64>,
     precise: Option<Box<Other<Dd>>>,
-    duals: Option<Box<Other<Dual<f64>>>>,
     pub(crate) anchor: Anchor,
     guess: Vec<f64>,
     /// Offset from the anchor, in ẏ and in q̇.
@@ -133,7 +138,6 @@ impl Engine {
             mechanism,
             rates,
             precise: None,
-            duals: None,
             anchor,
             guess: q.to_vec(),
             offset: (zero(n_vy), zero(n_v)),
@@ -238,29 +242,24 @@ impl Engine {
         status
     }
 
-    /// ∂ẋ/∂x at t and x, row by row, by dual numbers: one evaluation for each column.
+    /// ∂ẋ/∂x at t and x, row by row, by forward differences: an iteration matrix needs no more.
     pub(crate) fn jacobian(&mut self, t: f64, x: &[f64], jacobian: &mut [f64]) -> Status {
-        self.extrapolate(t, x);
         self.counts.jacobians += 1;
         let n = x.len();
-        if self.duals.is_none() {
-            let Ok(other) =
-                Other::new(self.compiled.model.convert(Dual::constant), &self.mechanism)
-            else {
-                return Status::BadRequest;
-            };
-            self.duals = Some(Box::new(other));
+        let (mut at, mut rate, mut moved) = (x.to_vec(), vec![0.0; n], vec![0.0; n]);
+        let status = self.rate(t, x, &mut rate);
+        if status != Status::Ok {
+            return status;
         }
-        let Some(other) = &mut self.duals else { return Status::BadRequest };
-        other.set(x, &self.guess, &self.anchor.qd);
         for j in 0..n {
-            other.x[j].du = 1.0;
-            let status = other.evaluate(&self.mechanism, t).status;
-            other.x[j].du = 0.0;
+            at[j] += STEP * x[j].abs().max(STEP_FLOOR);
+            let step = at[j] - x[j];
+            let status = self.rate(t, &at, &mut moved);
+            at[j] = x[j];
             if status != Status::Ok {
-                return self.note(status);
+                return status;
             }
-            (0..n).for_each(|i| jacobian[i * n + j] = other.rate[i].du);
+            (0..n).for_each(|i| jacobian[i * n + j] = (moved[i] - rate[i]) / step);
         }
         Status::Ok
     }
