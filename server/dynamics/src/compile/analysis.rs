@@ -1,6 +1,6 @@
 //! Rank, rows, blocks and mobility of a cluster's loops, fixed at load at sampled closed poses.
 
-use faer::Mat;
+use sarrus_factorisations::{Mat, thin_svd};
 
 use crate::closure::{
     Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_residual, local_poses, scaled,
@@ -339,7 +339,7 @@ pub(super) fn closed_near(
             return true;
         }
         let K_free = matrix(&K, rows, cluster.n_v, free);
-        let Ok(svd) = K_free.thin_svd() else { return false };
+        let Some(svd) = thin_svd(&K_free) else { return false };
         let S = svd.S().column_vector();
         for a in 0..S.nrows() {
             if S[a] > 1e-6 * S[0] {

@@ -1,7 +1,7 @@
 //! Explains a mobility that contradicts the declared independents, and suggests a correction.
 
-use faer::Mat;
 use nalgebra::Vector6;
+use sarrus_factorisations::Mat;
 
 use crate::closure::column_unit;
 use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, joined};

@@ -1,6 +1,6 @@
 //! Rank, null space and independent rows of K at a pose, by factorisations that reveal them.
 
-use faer::Mat;
+use sarrus_factorisations::{Mat, pivots, svd, thin_svd};
 
 /// Ratio of singular values below which a row counts as dependent: files are rounded.
 pub(super) const RANK_GAP: f64 = 1e-4;
@@ -11,7 +11,7 @@ pub(super) fn null_space(K_d: &Mat<f64>) -> Vec<Vec<f64>> {
     if m == 0 {
         return Vec::new();
     }
-    let Ok(svd) = K_d.svd() else { return Vec::new() };
+    let Some(svd) = svd(K_d) else { return Vec::new() };
     let S = svd.S().column_vector();
     let lost = |a: usize| a >= S.nrows() || S[a] <= RANK_GAP * S[0];
     (0..m).filter(|a| lost(*a)).map(|a| (0..m).map(|i| svd.V()[(i, a)]).collect()).collect()
@@ -26,7 +26,7 @@ pub(super) fn rank(A: &Mat<f64>) -> usize {
     if A.nrows() == 0 || A.ncols() == 0 {
         return 0;
     }
-    A.thin_svd().map_or(0, |svd| {
+    thin_svd(A).map_or(0, |svd| {
         let S = svd.S().column_vector();
         (0..S.nrows()).filter(|i| S[*i] > RANK_GAP * S[0]).count()
     })
@@ -37,9 +37,8 @@ pub(super) fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
     if K_d.nrows() == count {
         return (0..count).collect();
     }
-    let qr = K_d.transpose().col_piv_qr();
-    let (forward, _) = qr.P().arrays();
-    let mut used = forward[..count].to_vec();
+    let mut used = pivots(&K_d.transpose().to_owned());
+    used.truncate(count);
     used.sort_unstable();
     used
 }
@@ -47,8 +46,8 @@ pub(super) fn independent_rows(K_d: &Mat<f64>, count: usize) -> Vec<usize> {
 /// As many places as there are directions, by pivoted QR: the largest component first.
 pub(super) fn locks(directions: &[Vec<f64>]) -> Vec<usize> {
     let Some(m) = directions.first().map(Vec::len) else { return Vec::new() };
-    let qr = Mat::from_fn(directions.len(), m, |a, i| directions[a][i]).col_piv_qr();
-    let mut locked = qr.P().arrays().0[..directions.len()].to_vec();
+    let mut locked = pivots(&Mat::from_fn(directions.len(), m, |a, i| directions[a][i]));
+    locked.truncate(directions.len());
     locked.sort_unstable();
     locked
 }

@@ -2,9 +2,8 @@
 
 use core::f64::consts::PI;
 
-use faer::Mat;
-use faer::linalg::solvers::Solve;
 use nalgebra::Vector3;
+use sarrus_factorisations::{Mat, solve, thin_svd};
 
 use crate::closure::{Scratch, column_unit, constraint_residual};
 use crate::compile::analysis::{Sample, Subject, closed_near, joined};
@@ -106,7 +105,7 @@ pub(super) fn choices(
 /// The least singular value of some rows.
 fn clearance(K_d: &Mat<f64>, rows: &[usize]) -> f64 {
     let part = Mat::from_fn(rows.len(), K_d.ncols(), |i, a| K_d[(rows[i], a)]);
-    part.thin_svd().map_or(0.0, |svd| svd.S().column_vector()[K_d.ncols() - 1])
+    thin_svd(&part).map_or(0.0, |svd| svd.S().column_vector()[K_d.ncols() - 1])
 }
 
 /// The largest gaps of some rows `[m]`, `[rad]`.
@@ -170,9 +169,9 @@ fn close(
         if used.iter().all(|r| phi[*r].abs() < 1e-12 * cluster.length.max(1.0)) {
             return true;
         }
-        let K_d = faer::Mat::from_fn(m, m, |r, a| K[used[r] * n + cluster.dependent[a]]);
-        let right = faer::Mat::from_fn(m, 1, |r, _| -phi[used[r]]);
-        let step = K_d.partial_piv_lu().solve(&right);
+        let K_d = Mat::from_fn(m, m, |r, a| K[used[r] * n + cluster.dependent[a]]);
+        let right = Mat::from_fn(m, 1, |r, _| -phi[used[r]]);
+        let step = solve(&K_d, &right);
         for (a, &v) in cluster.dependent.iter().enumerate() {
             let at = &cluster.dofs[v];
             let unit = column_unit(cluster, v);
@@ -204,8 +203,7 @@ pub(super) fn fitting_cuts(subject: &Subject<'_>, at: &Sample, dropped: &[usize]
         }
         let path: Vec<usize> = cut.path.iter().map(|(v, _)| *v).collect();
         let all = matrix(&at.K, cluster.rows.len(), cluster.n_v, &path);
-        let part =
-            |of: &[usize]| rank(&faer::Mat::from_fn(of.len(), path.len(), |i, a| all[(of[i], a)]));
+        let part = |of: &[usize]| rank(&Mat::from_fn(of.len(), path.len(), |i, a| all[(of[i], a)]));
         let points: Vec<usize> = rows
             .iter()
             .zip(&cut.rows)

@@ -1,5 +1,7 @@
 //! Closes the rows by Levenberg-Marquardt steps, which need no rank.
 
+use sarrus_factorisations::{Mat, thin_svd};
+
 use crate::initial_pose::problem::{Candidate, Problem};
 use crate::scalar::noise;
 
@@ -63,8 +65,8 @@ impl Problem<'_> {
             // J in the metric of the weights, so that a heavy joint moves little
             let J = self.scaled_jacobian(&candidate.q);
             let root: Vec<f64> = self.metric.iter().map(|w| w.sqrt()).collect();
-            let weighted = faer::Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
-            let Ok(svd) = weighted.thin_svd() else { break };
+            let weighted = Mat::from_fn(J.nrows(), n, |r, a| J[(r, a)] / root[a]);
+            let Some(svd) = thin_svd(&weighted) else { break };
             let U = svd.U();
             let S = svd.S().column_vector();
             let V = svd.V();

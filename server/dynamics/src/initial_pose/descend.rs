@@ -6,7 +6,7 @@
 //! Each step is closed again before it is judged, so that every pose on the path is closed and
 //! nearer than the one before.
 
-use faer::{Mat, Side};
+use sarrus_factorisations::{Mat, svd, symmetric_eigen};
 
 use crate::initial_pose::close::CLAMP;
 use crate::initial_pose::problem::{Candidate, Problem};
@@ -89,7 +89,7 @@ impl Problem<'_> {
             let Z = Mat::from_fn(n, n, |i, j| if i == j { 1.0 } else { 0.0 });
             return Some(Slope { Z, along: pull, lambda: vec![0.0; J.nrows()], cost });
         }
-        let svd = J.svd().ok()?;
+        let svd = svd(&J)?;
         let U = svd.U();
         let S = svd.S().column_vector();
         let V = svd.V();
@@ -128,7 +128,7 @@ impl Problem<'_> {
             }
         }
         let H = Mat::from_fn(m, m, |i, k| 0.5 * (H[(i, k)] + H[(k, i)]));
-        let eigen = H.self_adjoint_eigen(Side::Lower).ok()?;
+        let eigen = symmetric_eigen(&H)?;
         let U = eigen.U();
         let S = eigen.S().column_vector();
         let largest = (0..m).fold(CURVED, |largest: f64, i| largest.max(S[i].abs()));

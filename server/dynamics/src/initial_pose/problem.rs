@@ -1,6 +1,7 @@
 //! One cluster in comparable units: its rows, the distance of a pose from the given one, and steps.
 
 use nalgebra::Vector3;
+use sarrus_factorisations::Mat;
 
 use crate::closure::{
     Scratch, column_unit, constraint_residual, largest_residual, local_poses, row_unit,
@@ -116,9 +117,9 @@ impl<'a> Problem<'a> {
     }
 
     /// K of the rows that count and the velocities that may move, scaled.
-    pub(super) fn scaled_jacobian(&self, q: &[f64]) -> faer::Mat<f64> {
+    pub(super) fn scaled_jacobian(&self, q: &[f64]) -> Mat<f64> {
         let K = self.jacobian(q);
-        faer::Mat::from_fn(self.rows.len(), self.free.len(), |r, a| {
+        Mat::from_fn(self.rows.len(), self.free.len(), |r, a| {
             K[self.rows[r] * self.cluster.n_v + self.free[a]]
                 * self.scale[r]
                 * self.unit[self.free[a]]
