@@ -1,5 +1,5 @@
 //! The implicit method of Radau (IIA) of order five for stiff problems: three stages, simplified
-//! Newton's method with the Jacobian by dual numbers, error estimate of order three, predictive
+//! Newton's method with the Jacobian by differences, error estimate of order three, predictive
 //! step (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8).
 //!
 //! With Z the stages' distance from x, A⁻¹ = T Λ T⁻¹ and W = (T⁻¹ ⊗ I) Z the steps of Newton's
