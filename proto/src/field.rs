@@ -240,6 +240,11 @@ wire_enum! {
         /// Moment and force of the ground on each held frame, root axes at its origin; NaN for the
         /// others (n_frames × 6).
         ContactForces = 97, "contact_forces";
+        /// Y_y of τ_y = Y_y π + springs − wrenches: columns in the order of
+        /// [`crate::ModelInfo::parameters`] (n_vy × n_parameters).
+        RegressorY = 98, "regressor_y";
+        /// Y_u of τ_u, likewise (n_u × n_parameters).
+        RegressorU = 99, "regressor_u";
     }
 }
 
@@ -336,6 +341,8 @@ impl Field {
             Solutions => (MAX_SOLUTIONS, s.n_qy),
             TaskMotion => (n_frames, 7),
             ContactForces => (n_frames, 6),
+            RegressorY => (p.n_vy, s.n_parameters()),
+            RegressorU => (p.n_u, s.n_parameters()),
         }
     }
 

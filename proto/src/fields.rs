@@ -146,6 +146,8 @@ fields! {
     TaskMotion "n_frames × 7" "mixed" "wanted twist or acceleration [ω; v] of each frame, weight";
     ContactForces "n_frames × 6" "N m, N"
         "moment and force of the ground on each held frame, root axes at its origin; others NaN";
+    RegressorY "n_vy × n_parameters" "mixed" "Y_y of τ_y = Y_y π + springs − wrenches";
+    RegressorU "n_u × n_parameters" "mixed" "Y_u of τ_u = Y_u π + springs − wrenches";
 }
 
 #[cfg(test)]
@@ -155,7 +157,7 @@ mod tests {
 
     #[test]
     fn rows_are_in_the_order_of_the_fields_and_shapes_are_those_of_the_layout() {
-        let sizes = Sizes { n_q: 2, n_v: 3, n_qy: 5, n_vy: 7, n_u: 11, n_c: 13, n_branches: 17 };
+        let sizes = Sizes { n_q: 2, n_v: 3, n_qy: 5, n_vy: 7, n_u: 11, n_c: 13, n_branches: 17, n_bodies: 29 };
         let n_frames = 19;
         let n_wrenches = 23;
         let size = |word: &str| match word {
@@ -171,6 +173,7 @@ mod tests {
             "n_u" => sizes.n_u,
             "n_c" => sizes.n_c,
             "n_branches" => sizes.n_branches,
+            "n_parameters" => sizes.n_parameters(),
             "n_frames" => n_frames,
             "n_wrenches" => n_wrenches,
             number => number.parse().unwrap(),

@@ -160,6 +160,19 @@ impl ModelInfo {
             Some(joint)
         })
     }
+
+    /// Names of the parameters π in which forces are linear (n_parameters): for each joint of the
+    /// tree the mass, first moment and inertia of the body that it carries, about the origin of
+    /// that link's frame and in its axes; then of each tree velocity the inertia of its rotor, its
+    /// dry and its viscous friction.
+    pub fn parameters(&self) -> Vec<String> {
+        const OF_BODY: [&str; 10] =
+            ["m", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz"];
+        let bodies = self.joints().flat_map(|joint| OF_BODY.map(|of| format!("{}/{of}", joint.name)));
+        let of_velocities = ["rotor", "coulomb", "viscous"];
+        let others = of_velocities.iter().flat_map(|of| self.tree.iter().map(move |v| format!("{v}/{of}")));
+        bodies.chain(others).collect()
+    }
 }
 
 /// `base` of `base/rx`.

@@ -21,6 +21,16 @@ pub struct Sizes {
     pub n_c: usize,
     /// Clusters with loops that are not pure couplings.
     pub n_branches: usize,
+    /// Moving bodies, one for each joint of the tree.
+    #[cfg_attr(feature = "transport", serde(default))]
+    pub n_bodies: usize,
+}
+
+impl Sizes {
+    /// Parameters in which forces are linear: see [`ModelInfo::parameters`].
+    pub const fn n_parameters(&self) -> usize {
+        10 * self.n_bodies + 3 * self.n_v
+    }
 }
 
 /// The slot of one field in the packed numbers.

@@ -141,6 +141,8 @@ impl Request {
             DtauUDyd,
             DtauUnactuatedDy,
             DtauUnactuatedDyd,
+            RegressorY,
+            RegressorU,
         ]);
         const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU]);
         const LIMITED: FieldSet = FieldSet::of(&OF_ACTUATOR_FORCES);

@@ -39,6 +39,7 @@ mod motions;
 mod motors;
 mod observer;
 mod pairs;
+mod parameters;
 mod parts;
 mod published;
 mod python;

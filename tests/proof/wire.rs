@@ -44,7 +44,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 98] = [
+    const NAMES: [&str; 100] = [
         "y",
         "yd",
         "ydd",
@@ -143,6 +143,8 @@ fn fields_keep_their_numbers_and_names() {
         "solutions",
         "task_motion",
         "contact_forces",
+        "regressor_y",
+        "regressor_u",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -378,7 +380,7 @@ fn a_number_that_this_version_does_not_know_has_no_meaning() {
 
 #[test]
 fn fields_are_packed_in_the_order_of_their_numbers() {
-    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4 };
+    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4, n_bodies: 9 };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
     let query = Query::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
         .with_frames(&[1, 0])

@@ -253,7 +253,10 @@ fn robots_lists_the_bundled_ones() {
         list.as_array().unwrap().iter().find(|robot| robot["robot"] == "rh5v2_upper_body").unwrap();
     assert_eq!(
         upper["sizes"],
-        json!({"n_q": 23, "n_v": 23, "n_qy": 13, "n_vy": 13, "n_u": 13, "n_c": 10, "n_branches": 3})
+        json!({
+            "n_q": 23, "n_v": 23, "n_qy": 13, "n_vy": 13, "n_u": 13, "n_c": 10, "n_branches": 3,
+            "n_bodies": 23
+        })
     );
 }
 

@@ -33,9 +33,8 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
         G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
         | Centroidal | JdYd | Directions | GainsU | TorqueVertices | TorqueVerticesNet
         | SpeedVertices | ReflectedInertia | ReflectedDamping | GainsY | Observer | TaskInertia
-        | TaskTarget | BoundsY | BoundsU | Binding | Solutions | TaskMotion | ContactForces => {
-            vec![rows, columns]
-        }
+        | TaskTarget | BoundsY | BoundsU | Binding | Solutions | TaskMotion | ContactForces
+        | RegressorY | RegressorU => vec![rows, columns],
         field if field.is_derivative() => vec![rows, columns],
         _ => vec![rows],
     }

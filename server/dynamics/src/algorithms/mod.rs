@@ -7,6 +7,7 @@ mod crba;
 mod derivatives;
 mod frames;
 mod mass_matrix;
+mod regressor;
 mod rnea;
 mod terms;
 
@@ -19,4 +20,5 @@ pub(crate) use frames::{
     pose_numbers, rates, velocities, world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
+pub(crate) use regressor::tree_regressor;
 pub(crate) use rnea::{TreeMotion, joint_poses, newton_euler, rest_forces};

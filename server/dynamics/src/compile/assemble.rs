@@ -336,6 +336,7 @@ impl<'a> Builder<'a> {
             n_u: names.active.len(),
             n_c: names.loops.len(),
             n_branches: branches.len(),
+            n_bodies: self.model.bodies.len() - 1,
         };
         let meta = ModelInfo {
             robot: self.description.name.clone(),

@@ -71,6 +71,8 @@ impl Builder<'_> {
         let q = body.q;
         let v = body.v;
         let motion = body.motion;
+        let i = self.body_of[self.skeleton.moving_of[j]];
+        self.model.order.bodies.push((i, joint.child));
         self.model.order.q.extend(q..q + motion.n_q());
         self.model.order.v.extend(v..v + motion.n_v());
         self.names.tree.extend(velocity_names(&joint.name, motion));

@@ -29,6 +29,8 @@ pub(crate) struct Order {
     pub(crate) v_external: Vec<usize>,
     pub(crate) vy_external: Vec<usize>,
     pub(crate) vy_internal: Vec<usize>,
+    /// Each moving body with the number of the link that its joint carries.
+    pub(crate) bodies: Vec<(usize, usize)>,
     /// The closed clusters that have a branch, in the order of their submechanisms.
     pub(crate) branches: Vec<usize>,
 }

@@ -392,7 +392,10 @@ fn actuators<T: Real>(
 
 /// P (n_u × n_vy) of a cluster into `dense_spare`, and where they are not square N⁻¹ into
 /// `dense_rhs`.
-fn projection<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
+pub(super) fn projection<T: Real>(
+    cluster: &Cluster<T>,
+    ws: &mut Workspace<T>,
+) -> Result<(), Status> {
     let m = cluster.n_vy;
     let own = cluster.active.len();
     let Workspace { G, dense: A, dense_rhs: inverse, dense_spare: P, .. } = ws;

@@ -15,6 +15,7 @@ mod newton;
 mod observer;
 mod outline;
 mod output;
+mod regressor;
 mod run;
 mod scratch;
 mod state;

@@ -57,6 +57,8 @@ pub(super) const DERIVATIVES: [Field; 13] = [
 /// Fields of the observer, which reads Ġ.
 pub(super) const OBSERVED: [Field; 2] = [Field::Observer, Field::TauExternal];
 pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
+/// Forces by parameters.
+pub(super) const REGRESSORS: [Field; 2] = [Field::RegressorY, Field::RegressorU];
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
     [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
@@ -197,6 +199,7 @@ fn roots<C>(
     let whole = want.has_any(&OF_THE_ROBOT)
         || steps.links
         || steps.derivatives
+        || steps.regressor
         || want.has_any(&SUPPORTS)
         || steps.task_space
         || request == Request::InverseKinematics
@@ -212,6 +215,7 @@ fn roots<C>(
         Request::InverseDynamics
             if steps.force_derivatives
                 || steps.task_space
+                || steps.regressor
                 || want.has_any(&[Field::Lambda, Field::CondMy, Field::TorqueSupportNet]) =>
         {
             all()

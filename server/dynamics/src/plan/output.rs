@@ -45,7 +45,7 @@ impl Plan {
                 return status;
             }
         }
-        if self.motors.is_some() || self.steps.task_space {
+        if self.motors.is_some() || self.steps.task_space || self.steps.regressor {
             let status = self.write_rare(model, ws, report, input, output);
             if status != Status::Ok {
                 return status;
@@ -68,7 +68,8 @@ impl Plan {
         self.check_overflow(output)
     }
 
-    /// Writes the fields of motors, then those of task space, which overwrites the workspace.
+    /// Writes the fields of motors and of parameters, then those of task space, which overwrites the
+    /// workspace.
     #[inline(never)]
     fn write_rare<T: Real>(
         &self,
@@ -81,6 +82,12 @@ impl Plan {
         // no packet has them
         if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
             let status = self.write_motors(model, ws, motors, input, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
+        if self.steps.regressor && !T::STRAIGHT {
+            let status = self.write_regressors(model, ws, output);
             if status != Status::Ok {
                 return status;
             }

@@ -91,6 +91,8 @@ pub(super) struct Steps {
     /// Derivatives, and those of them that need forces.
     pub(super) derivatives: bool,
     pub(super) force_derivatives: bool,
+    /// Forces by parameters.
+    pub(super) regressor: bool,
     /// The step of the observer.
     pub(super) observes: bool,
 }
@@ -111,9 +113,12 @@ impl Steps {
         let observes = want.has_any(&needed::OBSERVED);
         let derivatives = observes || want.has_any(&needed::DERIVATIVES);
         let force_derivatives = want.has_any(&needed::OF_FORCES);
+        let regressor = want.has_any(&needed::REGRESSORS);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
-        let forces =
-            force_derivatives || want.has_any(&FORCES) || want.has_any(&OF_ACTUATOR_FORCES);
+        let forces = force_derivatives
+            || regressor
+            || want.has_any(&FORCES)
+            || want.has_any(&OF_ACTUATOR_FORCES);
         let newton_euler = forward || dynamics && forces;
         let task_space = want.has_any(&needed::OF_THE_TASKS);
         let mass_matrix =
@@ -127,6 +132,7 @@ impl Steps {
                 || !rest
                 || conditions
                 || derivatives
+                || regressor
                 || want.has_any(&VELOCITIES)
                 || want.has_any(&MOTORS)
                 || want.has_any(&ACCELERATIONS)
@@ -149,6 +155,7 @@ impl Steps {
             conditions,
             derivatives,
             force_derivatives,
+            regressor,
             observes,
         }
     }

@@ -115,6 +115,9 @@ pub struct Workspace<T: Real> {
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
     pub(crate) dense_spare: Vec<T>,
+    /// Forces of the actuators by those on the tree, a row of each tree velocity (n_v × actuators of
+    /// a cluster), by `plan/regressor.rs`.
+    pub(crate) actuation: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
     /// Matrices of the frames together, by `plan/task/space.rs`.
@@ -382,6 +385,7 @@ impl<T: Real> Workspace<T> {
             dense: of(side * side),
             dense_rhs: of(side * side),
             dense_spare: of(side * side),
+            actuation: of(sizes.n_v * widest_u),
             jacobian: of(6 * sizes.n_vy),
             loop_q: of(sizes.n_v),
         }

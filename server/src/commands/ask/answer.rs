@@ -215,7 +215,9 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
         | Field::ReflectedInertia
         | Field::ReflectedDamping
         | Field::Observer
-        | Field::TaskInertia => rows(out, slot.rows, slot.columns, numbers),
+        | Field::TaskInertia
+        | Field::RegressorY
+        | Field::RegressorU => rows(out, slot.rows, slot.columns, numbers),
         field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
