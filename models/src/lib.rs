@@ -107,7 +107,7 @@ pub use names::{nearest, nearest_first};
 pub use open::Opened;
 pub use pattern::matching_joints;
 pub use report::{Diagnostic, Diagnostics, Report};
-pub use rewrite::{NewZero, Rewritten};
+pub use rewrite::{NewZero, Rewritten, with_inertials};
 pub use scene::Lock;
 pub use source::{Source, assemble, load, load_open, suggest, texts};
 pub use suggest::Suggestion;

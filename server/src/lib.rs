@@ -127,6 +127,14 @@ enum Command {
     /// flags, more than a million points and a file that cannot be written.
     #[cfg(feature = "show")]
     Capability(commands::capability::Capability),
+    /// Estimate masses, inertias and friction from a motion.
+    ///
+    /// Prints the base parameters with their standard errors, those that the motion does not
+    /// excite, and how well each part of the motion is predicted from the others; with `--out` it
+    /// writes the URDF with the nearest physical inertias. Ends with 0, with 1 for a bad robot and
+    /// a motion that it cannot make, with 2 for wrong flags and tables.
+    #[cfg(feature = "identify")]
+    Identify(commands::identify::Identify),
     /// Integrate a robot in time: a table, a page, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
@@ -186,6 +194,8 @@ pub fn run() -> ExitCode {
         Command::Show(command) => conclude("show", command.run()),
         #[cfg(feature = "show")]
         Command::Capability(command) => conclude("capability", command.run()),
+        #[cfg(feature = "identify")]
+        Command::Identify(command) => conclude("identify", command.run()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
         #[cfg(feature = "simulate")]

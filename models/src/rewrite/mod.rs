@@ -1,9 +1,12 @@
 //! Rewrites files for another zero pose: only the numbers that change are replaced.
 
+mod inertials;
 mod urdf;
 mod yaml;
 
 use std::ops::Range;
+
+pub use inertials::with_inertials;
 
 use sarrus_dynamics::description::{Cut, Description, Joint, Placement};
 

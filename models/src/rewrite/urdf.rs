@@ -134,7 +134,13 @@ fn coupling(
 }
 
 /// Sets an attribute, or adds it behind the element's name.
-fn set(text: &str, node: Node<'_, '_>, name: &str, value: String, edits: &mut Vec<Edit>) {
+pub(super) fn set(
+    text: &str,
+    node: Node<'_, '_>,
+    name: &str,
+    value: String,
+    edits: &mut Vec<Edit>,
+) {
     match node.attribute_node(name) {
         Some(attribute) => edits.push((attribute.range_value(), value)),
         None => {

@@ -13,6 +13,8 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
+#[cfg(feature = "identify")]
+pub(crate) mod identify;
 pub(crate) mod import;
 pub(crate) mod man;
 pub(crate) mod output;
@@ -27,6 +29,8 @@ pub(crate) mod serve;
 pub(crate) mod show;
 #[cfg(feature = "simulate")]
 pub(crate) mod simulate;
+#[cfg(any(feature = "identify", feature = "simulate"))]
+pub(crate) mod table;
 pub(crate) mod tidy;
 #[cfg(feature = "simulate")]
 pub(crate) mod time;

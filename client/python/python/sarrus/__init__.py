@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         StateError,
         StateWarning,
     )
+    from sarrus.identification import Identification, identify
     from sarrus.limits import Capability, capability
     from sarrus.names import Names
     from sarrus.query import Answer, Query
@@ -45,6 +46,7 @@ __all__ = [
     "Error",
     "Frames",
     "Gains",
+    "Identification",
     "Independents",
     "LoadError",
     "Names",
@@ -61,11 +63,13 @@ __all__ = [
     "__version__",
     "bundled",
     "capability",
+    "identify",
     "policy",
 ]
 
 _MODULES = {
     "errors": ("ConnectError", "Error", "LoadError", "QueryError", "StateError", "StateWarning"),
+    "identification": ("Identification", "identify"),
     "limits": ("Capability", "capability"),
     "names": ("Names",),
     "query": ("Answer", "Query"),

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use sarrus_client::{Axes, Field, Request, Status, TaskParts, Warnings};
+use sarrus_identify::Log;
 use sarrus_show::Settings;
 
 use super::arrays::zeros;
@@ -220,6 +221,34 @@ impl PyRobot {
         let name = loaded.compiled.model.name();
         let html = if page { sarrus_show::capability_page(name, &maps) } else { String::new() };
         Ok((text, html))
+    }
+
+    /// Estimates as JSON, and the URDF with the new inertias; see `sarrus.identify`.
+    #[pyo3(name = "_identify")]
+    fn identify(
+        &self,
+        py: Python<'_>,
+        heads: Vec<String>,
+        rows: Vec<Vec<f64>>,
+    ) -> PyResult<(String, String)> {
+        let loaded = self.origin.get().load(py)?;
+        let (source, ..) = self.origin.get().source()?;
+        if rows.iter().any(|row| row.len() != heads.len()) {
+            return Err(PyValueError::new_err("rows and names of columns differ in number"));
+        }
+        let found = py.detach(|| {
+            let model = &loaded.compiled.model;
+            let log = Log::of_table(model, &heads, &rows).map_err(|error| error.to_string())?;
+            let found = sarrus_identify::identify(&loaded.description, model, &log)
+                .map_err(|error| error.to_string())?;
+            let (urdf, _) = sarrus_models::texts(&source).map_err(|error| error.to_string())?;
+            let urdf = String::from_utf8(urdf).map_err(|error| error.to_string())?;
+            let links: Vec<_> =
+                found.links.iter().map(|link| (link.name.as_str(), link.inertial)).collect();
+            let urdf = sarrus_models::with_inertials(&urdf, &links)?;
+            Ok((found.to_json().to_string(), urdf))
+        });
+        found.map_err(|error: String| PyValueError::new_err(error))
     }
 
     /// The robot as a page; see `sarrus.Robot.save_page`.

@@ -5,6 +5,9 @@ pub mod closures;
 #[doc = include_str!("derivatives.md")]
 pub mod derivatives {}
 
+#[doc = include_str!("parameters.md")]
+pub mod parameters {}
+
 #[doc = include_str!("notation.md")]
 pub mod notation {}
 

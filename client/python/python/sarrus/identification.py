@@ -1,0 +1,107 @@
+"""Masses, inertias and friction from a motion."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import os
+
+    from sarrus.robot import Robot
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Estimates of a robot's parameters.
+
+    Base parameters are the combinations that some motion can tell. The nearest links of positive
+    density that explain them are those of `parameters` and `urdf`.
+    """
+
+    base: list[dict[str, float]]
+    """Parameters in each base parameter with their factors, its own first (n_base)."""
+    values: Array
+    """Estimates; the model's value where the motion does not excite it (n_base)."""
+    standard_errors: Array
+    """Standard errors, NaN where the motion does not excite it (n_base)."""
+    model: Array
+    """Values of the model (n_base)."""
+    condition: float
+    """Condition number of the excited columns, scaled to length one."""
+    noise: Array
+    """Standard deviation of each force (n_u, or n_vy of robots with another number of motors)."""
+    prediction: dict[str, float]
+    """Forces left over in units of their noise: `model`, `fitted`, `held_out`, `physical`."""
+    parameters: dict[str, float]
+    """All parameters by name: JOINT/m, JOINT/mx, …, JOINT/rotor, JOINT/coulomb, JOINT/viscous."""
+    urdf: str
+    """The URDF with the new masses and inertias; all other bytes are the robot's."""
+
+
+def identify(
+    robot: Robot,
+    log: str | os.PathLike[str] | Mapping[str, npt.ArrayLike],
+) -> Identification:
+    """Estimate masses, inertias and friction of a robot from a motion.
+
+    `log` is a table with the columns `t`, each independent joint by its name, its velocity as
+    NAME/yd, its acceleration as NAME/ydd, and the force of each motor as NAME/tau_u: a file of
+    CSV, one of Parquet (`.parquet`, read by pyarrow), or arrays by these names. Without
+    accelerations rates come from cubics through fifteen rows each. `ValueError`: a column is
+    missing, a state has no answer, or the motion is too short.
+
+    >>> import numpy as np, sarrus
+    >>> robot = sarrus.Robot.bundled("lambda")
+    >>> t = np.linspace(0, 10, 200)
+    >>> y, yd, ydd = 0.4 + 0.3 * np.sin(t), 0.3 * np.cos(t), -0.3 * np.sin(t)
+    >>> tau_u = robot.inverse_dynamics(*(x[:, None] for x in (y, yd, ydd)))
+    >>> name = robot.independents[0]
+    >>> log = {"t": t, name: y, f"{name}/yd": yd, f"{name}/ydd": ydd}
+    >>> found = sarrus.identify(robot, log | {f"{robot.actuators[0]}/tau_u": tau_u[:, 0]})
+    >>> bool(np.nanmax(abs(found.values - found.model)) < 1e-6)
+    True
+    """
+    heads, rows = _table(log)
+    text, urdf = robot._identify(heads, rows)
+    found: dict[str, Any] = json.loads(text)
+    base = found["base"]
+
+    def column(key: str) -> Array:
+        return np.array([np.nan if of[key] is None else of[key] for of in base], float)
+
+    return Identification(
+        base=[of["combination"] for of in base],
+        values=column("value"),
+        standard_errors=column("standard_error"),
+        model=column("model"),
+        condition=found["condition"],
+        noise=np.array(found["noise"], float),
+        prediction=found["prediction"],
+        parameters=found["parameters"],
+        urdf=urdf,
+    )
+
+
+def _table(log: Any) -> tuple[list[str], list[list[float]]]:
+    if not isinstance(log, Mapping):
+        path = Path(log)
+        if path.suffix == ".parquet":
+            from pyarrow import parquet
+
+            log = parquet.read_table(path).to_pydict()
+        else:
+            with path.open(newline="", encoding="utf-8") as file:
+                heads, *rows = list(csv.reader(file))
+            return [head.strip() for head in heads], [[float(x) for x in row] for row in rows]
+    columns = [np.asarray(column, float) for column in log.values()]
+    return list(log), np.column_stack(columns).tolist()

@@ -1,0 +1,184 @@
+//! Ten parameters of a body, its pseudo-inertia, and all bodies near it.
+//!
+//! J = [½ tr(I) 1 − I, h; hᵀ, m] is positive definite just for bodies of positive density [WKS18].
+//! With J₀ = L Lᵀ of the model, J = L U Uᵀ Lᵀ, U an upper triangle with the exponentials of four
+//! numbers on its diagonal and six numbers above it: U = 1 is the model, and |u|² the square of the
+//! distance from it, in first order.
+
+use sarrus_dynamics::description::Inertial;
+
+type Square<const N: usize> = [[f64; N]; N];
+
+/// Places of the ten numbers in U: the diagonal first.
+const PLACES: [[usize; 2]; 10] =
+    [[0, 0], [1, 1], [2, 2], [3, 3], [0, 1], [0, 2], [1, 2], [0, 3], [1, 3], [2, 3]];
+
+/// A body near that of the model.
+#[derive(Clone, Debug)]
+pub(crate) struct Near {
+    /// L.
+    factor: Square<4>,
+}
+
+impl Near {
+    /// From m, h, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; `None` where they are no body of positive density.
+    pub(crate) fn new(parameters: &[f64]) -> Option<Near> {
+        let J = pseudo_inertia(parameters)?;
+        let mut factor = [[0.0; 4]; 4];
+        for i in 0..4 {
+            for j in 0..=i {
+                let x = J[i][j] - (0..j).map(|k| factor[i][k] * factor[j][k]).sum::<f64>();
+                if i != j {
+                    factor[i][j] = x / factor[j][j];
+                } else if x > 1e-9 * J[i][i] && J[i][i] > 0.0 {
+                    factor[i][i] = x.sqrt();
+                } else {
+                    return None;
+                }
+            }
+        }
+        Some(Near { factor })
+    }
+
+    /// The parameters at u, and their derivatives by each of its numbers.
+    pub(crate) fn at(&self, u: &[f64]) -> ([f64; 10], [[f64; 10]; 10]) {
+        let mut U = [[0.0; 4]; 4];
+        for ([i, j], u) in PLACES.into_iter().zip(u) {
+            U[i][j] = if i == j { u.exp() } else { *u };
+        }
+        let LU = product(&self.factor, &U);
+        let of = |A: &Square<4>, B: &Square<4>| product(A, &transposed(B));
+        let parameters = from_pseudo_inertia(&of(&LU, &LU));
+        let by = PLACES.map(|[i, j]| {
+            let mut E = [[0.0; 4]; 4];
+            E[i][j] = if i == j { U[i][i] } else { 1.0 };
+            let half = of(&product(&self.factor, &E), &LU);
+            let mut J = half;
+            (0..4).for_each(|r| (0..4).for_each(|c| J[r][c] += half[c][r]));
+            from_pseudo_inertia(&J)
+        });
+        (parameters, by)
+    }
+}
+
+fn product<const N: usize>(A: &Square<N>, B: &Square<N>) -> Square<N> {
+    let entry = |i: usize, j: usize| (0..N).map(|k| A[i][k] * B[k][j]).sum();
+    core::array::from_fn(|i| core::array::from_fn(|j| entry(i, j)))
+}
+
+fn transposed<const N: usize>(A: &Square<N>) -> Square<N> {
+    core::array::from_fn(|i| core::array::from_fn(|j| A[j][i]))
+}
+
+fn pseudo_inertia(parameters: &[f64]) -> Option<Square<4>> {
+    let &[m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = parameters else { return None };
+    let half = 0.5 * (xx + yy + zz);
+    Some([
+        [half - xx, -xy, -xz, hx],
+        [-xy, half - yy, -yz, hy],
+        [-xz, -yz, half - zz, hz],
+        [hx, hy, hz, m],
+    ])
+}
+
+fn from_pseudo_inertia(J: &Square<4>) -> [f64; 10] {
+    let trace = J[0][0] + J[1][1] + J[2][2];
+    let [xx, yy, zz] = [0, 1, 2].map(|k| trace - J[k][k]);
+    [J[3][3], J[0][3], J[1][3], J[2][3], xx, -J[0][1], yy, -J[0][2], -J[1][2], zz]
+}
+
+/// Turn by roll, pitch and yaw about fixed axes.
+fn turn([r, p, y]: [f64; 3]) -> Square<3> {
+    let (sr, cr) = r.sin_cos();
+    let (sp, cp) = p.sin_cos();
+    let (sy, cy) = y.sin_cos();
+    [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+}
+
+/// The inertia of a point mass at c.
+fn at_point(m: f64, c: [f64; 3]) -> Square<3> {
+    let square: f64 = c.iter().map(|x| x * x).sum();
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| m * (if i == j { square } else { 0.0 } - c[i] * c[j]))
+    })
+}
+
+/// Ten parameters about the origin of the link.
+pub(crate) fn parameters(inertial: &Inertial) -> [f64; 10] {
+    let [xx, xy, xz, yy, yz, zz] = inertial.inertia;
+    let R = turn(inertial.origin.rpy);
+    let own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let own = product(&product(&R, &own), &transposed(&R));
+    let m = inertial.mass;
+    let c = inertial.origin.xyz;
+    let moved = at_point(m, c);
+    let I = |i: usize, j: usize| own[i][j] + moved[i][j];
+    let [hx, hy, hz] = c.map(|x| m * x);
+    [m, hx, hy, hz, I(0, 0), I(0, 1), I(1, 1), I(0, 2), I(1, 2), I(2, 2)]
+}
+
+/// The same as a file writes them, in axes of this roll, pitch and yaw.
+pub(crate) fn inertial(parameters: &[f64; 10], rpy: [f64; 3]) -> Inertial {
+    let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *parameters;
+    let c = [hx / m, hy / m, hz / m];
+    let moved = at_point(m, c);
+    let mut own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    (0..3).for_each(|i| (0..3).for_each(|j| own[i][j] -= moved[i][j]));
+    let R = turn(rpy);
+    let I = product(&product(&transposed(&R), &own), &R);
+    let mut inertial = Inertial::point(m, c);
+    inertial.origin.rpy = rpy;
+    inertial.inertia = [I[0][0], I[0][1], I[0][2], I[1][1], I[1][2], I[2][2]];
+    inertial
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body() -> Inertial {
+        let mut inertial = Inertial::point(2.0, [0.1, -0.2, 0.3]);
+        inertial.origin.rpy = [0.3, -0.4, 1.1];
+        inertial.inertia = [0.03, 0.001, -0.002, 0.04, 0.003, 0.05];
+        inertial
+    }
+
+    #[test]
+    fn parameters_and_what_a_file_writes_are_inverse_to_each_other() {
+        let back = inertial(&parameters(&body()), body().origin.rpy);
+        let numbers = |x: &Inertial| [&x.origin.xyz[..], &x.inertia[..], &[x.mass]].concat();
+        for (a, b) in numbers(&back).into_iter().zip(numbers(&body())) {
+            assert!((a - b).abs() < 1e-15, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn every_body_near_the_model_is_physical_and_has_its_derivatives() {
+        let near = Near::new(&parameters(&body())).unwrap();
+        let (at_zero, _) = near.at(&[0.0; 10]);
+        for (a, b) in at_zero.into_iter().zip(parameters(&body())) {
+            assert!((a - b).abs() < 1e-15);
+        }
+        let u = [0.3, -0.5, 0.2, 0.1, 0.4, -0.6, 0.7, -0.2, 0.9, 0.5];
+        let (x, by) = near.at(&u);
+        assert!(Near::new(&x).is_some());
+        for k in 0..10 {
+            let step = |h: f64| {
+                let mut moved = u;
+                moved[k] += h;
+                near.at(&moved).0
+            };
+            let [ahead, back] = [step(1e-5), step(-1e-5)];
+            for i in 0..10 {
+                let slope = (ahead[i] - back[i]) / 2e-5;
+                assert!((by[k][i] - slope).abs() < 1e-8, "{k} {i}: {} {slope}", by[k][i]);
+            }
+        }
+        // a point mass has no density
+        assert!(Near::new(&parameters(&Inertial::point(1.0, [0.1, 0.0, 0.0]))).is_none());
+    }
+}

@@ -1,0 +1,179 @@
+//! Estimates from simulated logs: of a robot that differs from its model, with and without noise.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails panics")]
+
+use sarrus_dynamics::description::{Description, Friction, JointKind, Terms};
+use sarrus_dynamics::{
+    Field, FieldSet, Model, Plan, Query, QueryOptions, Request, Status, Workspace,
+};
+use sarrus_identify::{Estimate, Log, Sample, base_parameters, identify};
+use sarrus_models::{Loaded, Options, Source, load};
+
+/// Random numbers.
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    }
+
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
+    fn normal(&mut self) -> f64 {
+        let turn = core::f64::consts::TAU * self.uniform();
+        (-2.0 * self.uniform().ln()).sqrt() * turn.cos()
+    }
+}
+
+/// The robot with other masses and friction.
+fn another(description: &Description, random: &mut Random) -> Description {
+    let mut other = description.clone();
+    for inertial in other.links.iter_mut().filter_map(|link| link.inertial.as_mut()) {
+        let factor = random.within(0.7, 1.4);
+        inertial.mass *= factor;
+        inertial.inertia.iter_mut().for_each(|x| *x *= factor);
+        inertial.origin.xyz.iter_mut().for_each(|x| *x += random.within(-0.01, 0.01));
+    }
+    let moves = |kind: JointKind| {
+        !matches!(kind, JointKind::Fixed | JointKind::Spherical | JointKind::Floating)
+    };
+    for joint in other.joints.iter_mut().filter(|joint| moves(joint.kind)) {
+        let coulomb = random.within(0.1, 1.0);
+        let viscous = random.within(0.1, 1.0);
+        joint.terms = Terms {
+            friction: Friction { coulomb, viscous, ..joint.terms.friction },
+            ..joint.terms
+        };
+    }
+    other
+}
+
+/// Sums of sines within the middle of the limits, where the loops close; joints that are `still`
+/// do not move. Forces have noise of this part of their root mean square.
+fn recorded(
+    model: &Model<f64>,
+    still: &[&str],
+    (samples, noise): (usize, f64),
+    random: &mut Random,
+) -> Log {
+    const SINES: usize = 5;
+    let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+    let query = Query::new(Request::InverseDynamics, given, FieldSet::of(&[Field::TauU]))
+        .with_options(QueryOptions::FRICTION);
+    let plan = Plan::new(model, &query).unwrap();
+    let mut workspace = Workspace::for_plans(model, [&plan]);
+    let info = model.info();
+    let waves: Vec<(f64, Vec<[f64; 3]>)> = model
+        .independent_names()
+        .iter()
+        .map(|name| {
+            let v = info.tree.iter().position(|x| x == name).unwrap();
+            let limits = info.limits[v].unwrap();
+            let [low, high] = [limits.lower.unwrap(), limits.upper.unwrap()];
+            let reach = if still.contains(&name.as_str()) { 0.0 } else { 0.3 * (high - low) };
+            let wave = |k: usize| {
+                let rate = 0.6 * (1 + k) as f64 * random.within(0.9, 1.1);
+                [reach / SINES as f64 * random.within(0.5, 1.5), rate, random.within(0.0, 6.0)]
+            };
+            (f64::midpoint(low, high), (0..SINES).map(wave).collect())
+        })
+        .collect();
+    let mut log = Log::default();
+    for k in 0..samples {
+        let t = 20.0 * k as f64 / samples as f64;
+        let mut sample = Sample::default();
+        for (middle, waves) in &waves {
+            let sum = |of: fn([f64; 3], f64) -> f64| waves.iter().map(|x| of(*x, t)).sum::<f64>();
+            sample.y.push(middle + sum(|[a, w, p], t| a * (w * t + p).sin()));
+            sample.yd.push(sum(|[a, w, p], t| a * w * (w * t + p).cos()));
+            sample.ydd.push(sum(|[a, w, p], t| -a * w * w * (w * t + p).sin()));
+        }
+        let input = [&sample.y[..], &sample.yd, &sample.ydd].concat();
+        sample.tau_u = vec![0.0; model.sizes().n_u];
+        let answer = plan.run(model, &mut workspace, &input, &mut sample.tau_u);
+        if answer.status == Status::Ok {
+            log.samples.push(sample);
+        }
+    }
+    assert!(log.samples.len() * 2 > samples, "most poses of {} are reachable", model.name());
+    for u in 0..model.sizes().n_u {
+        let square: f64 = log.samples.iter().map(|x| x.tau_u[u] * x.tau_u[u]).sum();
+        let size = noise * (square / log.samples.len() as f64).sqrt();
+        log.samples.iter_mut().for_each(|x| x.tau_u[u] += size * random.normal());
+    }
+    log
+}
+
+fn bundled(robot: &str) -> Loaded {
+    load(&Source::Bundled(robot.into()), &Options::default()).unwrap()
+}
+
+/// An estimate, and the true base parameters.
+fn estimated(
+    loaded: &Loaded,
+    still: &[&str],
+    size: (usize, f64),
+    seed: u64,
+) -> (Estimate, Vec<f64>, Vec<f64>) {
+    let mut random = Random(seed);
+    let truth = Model::compile(&another(&loaded.description, &mut random)).unwrap().model;
+    let log = recorded(&truth, still, size, &mut random);
+    let model = &loaded.compiled.model;
+    let estimate = identify(&loaded.description, model, &log).unwrap();
+    let base = base_parameters(model).unwrap();
+    (estimate, base.of(&truth.parameters()), truth.parameters())
+}
+
+#[test]
+fn parameters_come_back_from_a_motion_without_noise() {
+    for robot in ["lambda", "torso", "r3_lambda_r"] {
+        let (estimate, truth, _) = estimated(&bundled(robot), &[], (400, 0.0), 3);
+        let largest = truth.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        for (of, truth) in estimate.base.iter().zip(&truth).filter(|(of, _)| of.standard_error.is_some())
+        {
+            let error = (of.value - truth).abs() / largest;
+            assert!(error < 1e-7, "{robot} {:?}: {} {truth}", of.combination, of.value);
+        }
+        // in units of a noise that is rounding
+        assert!(estimate.prediction.model > 1e6 && estimate.prediction.held_out < 3.0, "{robot}");
+    }
+}
+
+#[test]
+fn estimates_from_noise_are_within_three_standard_errors_as_often_as_they_should_be() {
+    for (robot, seeds) in [("lambda", 60), ("torso", 3), ("r3_lambda_r", 3)] {
+        let loaded = bundled(robot);
+        let mut count = 0;
+        let mut within = [0; 3];
+        for seed in 0..seeds {
+            let (estimate, truth, _) = estimated(&loaded, &[], (500, 0.01), 100 + seed);
+            for (of, truth) in estimate.base.iter().zip(&truth) {
+                let Some(error) = of.standard_error else { continue };
+                let ratio = (of.value - truth).abs() / error;
+                count += 1;
+                (0..3).for_each(|k| within[k] += usize::from(ratio <= (k + 1) as f64));
+            }
+            let of = estimate.prediction;
+            assert!(of.model > 2.0 && of.physical < 1.1 * of.fitted, "{robot} {seed}: {of:?}");
+            assert!(of.held_out >= of.fitted, "{robot} {seed}: {of:?}");
+        }
+        // normal errors: 68 %, 95 %, 99.7 %
+        let share = within.map(|k| f64::from(k as u32) / f64::from(count));
+        println!("{robot}: {count} estimates, {share:.3?} within 1, 2 and 3 standard errors");
+        assert!((0.60..0.76).contains(&share[0]) && share[1] > 0.92 && share[2] > 0.985, "{robot}");
+    }
+}
+
+#[test]
+fn what_a_motion_does_not_excite_is_named_and_stays() {
+    let loaded = bundled("r3_lambda_r");
+    let still = loaded.compiled.model.independent_names()[0].clone();
+    let (estimate, ..) = estimated(&loaded, &[&still], (400, 0.01), 5);
+    let name = format!("{still}/viscous");
+    let of = estimate.base.iter().find(|of| estimate.names[of.combination[0].0] == name).unwrap();
+    assert!(of.standard_error.is_none() && of.value == of.model, "{of:?}");
+    assert!(estimate.base.iter().filter(|of| of.standard_error.is_some()).count() > 10);
+}
