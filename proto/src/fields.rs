@@ -157,7 +157,16 @@ mod tests {
 
     #[test]
     fn rows_are_in_the_order_of_the_fields_and_shapes_are_those_of_the_layout() {
-        let sizes = Sizes { n_q: 2, n_v: 3, n_qy: 5, n_vy: 7, n_u: 11, n_c: 13, n_branches: 17, n_bodies: 29 };
+        let sizes = Sizes {
+            n_q: 2,
+            n_v: 3,
+            n_qy: 5,
+            n_vy: 7,
+            n_u: 11,
+            n_c: 13,
+            n_branches: 17,
+            n_bodies: 29,
+        };
         let n_frames = 19;
         let n_wrenches = 23;
         let size = |word: &str| match word {

@@ -168,9 +168,11 @@ impl ModelInfo {
     pub fn parameters(&self) -> Vec<String> {
         const OF_BODY: [&str; 10] =
             ["m", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz"];
-        let bodies = self.joints().flat_map(|joint| OF_BODY.map(|of| format!("{}/{of}", joint.name)));
+        let bodies =
+            self.joints().flat_map(|joint| OF_BODY.map(|of| format!("{}/{of}", joint.name)));
         let of_velocities = ["rotor", "coulomb", "viscous"];
-        let others = of_velocities.iter().flat_map(|of| self.tree.iter().map(move |v| format!("{v}/{of}")));
+        let others =
+            of_velocities.iter().flat_map(|of| self.tree.iter().map(move |v| format!("{v}/{of}")));
         bodies.chain(others).collect()
     }
 }

@@ -83,7 +83,8 @@ fn compare<S: PlanScalar>(
     let n = parameters.len();
     for (force, regressor) in forces.into_iter().zip(regressors) {
         let matrix = x.get(regressor);
-        let size = matrix.chunks_exact(n).map(|row| sum_of_parts(row, &parameters)).fold(1.0, f64::max);
+        let size =
+            matrix.chunks_exact(n).map(|row| sum_of_parts(row, &parameters)).fold(1.0, f64::max);
         let error = error_by_size(&product(matrix, &parameters), tau.get(force), size);
         let what = format!("{} in {}", regressor.name(), std::any::type_name::<S>());
         ledger.note(&what, case, error, allowed + case.contradiction());
@@ -113,9 +114,8 @@ fn parameters_are_about_the_origin_of_the_link_in_its_axes() {
     for joint in info.joints() {
         let described = case.description.joints.iter().find(|x| x.name == joint.name).unwrap();
         let link = described.child;
-        let is_alone = !case.description.joints.iter().any(|x| {
-            x.parent == link && x.kind == JointKind::Fixed
-        });
+        let is_alone =
+            !case.description.joints.iter().any(|x| x.parent == link && x.kind == JointKind::Fixed);
         let Some(Inertial { origin, mass, inertia }) = case.description.links[link].inertial else {
             continue;
         };
@@ -156,8 +156,7 @@ fn picked_rows_and_rest_have_the_numbers_of_all() {
     let u = ask(model, &state, None, &[RegressorU]);
     assert_eq!(u.get(RegressorU), all.get(RegressorU));
     let picked = [3_u16, 7];
-    let names: Vec<&String> =
-        picked.iter().map(|v| &model.tree_names()[usize::from(*v)]).collect();
+    let names: Vec<&String> = picked.iter().map(|v| &model.tree_names()[usize::from(*v)]).collect();
     let base = Query::new(
         Request::InverseDynamics,
         FieldSet::EMPTY,
@@ -166,7 +165,8 @@ fn picked_rows_and_rest_have_the_numbers_of_all() {
     .with_joints(picked);
     let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (Ydd, &state.ydd)];
     let x = Robot::new(model.clone()).ask_for(base, &given).ok();
-    for (field, order) in [(RegressorY, model.independent_names()), (RegressorU, model.active_names())]
+    for (field, order) in
+        [(RegressorY, model.independent_names()), (RegressorU, model.active_names())]
     {
         let rows: Vec<f64> = (order.iter().enumerate())
             .filter(|(_, name)| names.contains(name))
@@ -177,7 +177,8 @@ fn picked_rows_and_rest_have_the_numbers_of_all() {
     state.yd.fill(0.0);
     state.ydd.fill(0.0);
     let still = ask(model, &state, None, &[RegressorY]);
-    let base = Query::new(Request::InverseDynamics, FieldSet::EMPTY, FieldSet::of(&[RegressorY, TauY]));
+    let base =
+        Query::new(Request::InverseDynamics, FieldSet::EMPTY, FieldSet::of(&[RegressorY, TauY]));
     let rest = Robot::new(model.clone()).ask_for(base, &[(Y, state.y.as_slice())]).ok();
     assert_eq!(rest.get(RegressorY), still.get(RegressorY));
     let tau = product(rest.get(RegressorY), &model.parameters());

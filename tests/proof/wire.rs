@@ -380,7 +380,8 @@ fn a_number_that_this_version_does_not_know_has_no_meaning() {
 
 #[test]
 fn fields_are_packed_in_the_order_of_their_numbers() {
-    let sizes = Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4, n_bodies: 9 };
+    let sizes =
+        Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4, n_bodies: 9 };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
     let query = Query::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
         .with_frames(&[1, 0])

@@ -180,8 +180,7 @@ mod tests {
             while stack.at(&random_state(&model, &mut random)) != Status::Ok {}
             for row in stack.rows() {
                 let whole = crate::dense::dot(row, &parameters);
-                let reduced: f64 =
-                    base.columns.iter().zip(&values).map(|(j, x)| row[*j] * x).sum();
+                let reduced: f64 = base.columns.iter().zip(&values).map(|(j, x)| row[*j] * x).sum();
                 let size: f64 = row.iter().zip(&parameters).map(|(x, p)| (x * p).abs()).sum();
                 assert!((whole - reduced).abs() < 1e-9 * size, "{robot}: {whole} {reduced}");
             }

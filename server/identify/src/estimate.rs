@@ -146,8 +146,12 @@ pub fn identify(
     };
     let mut held_out = 0.0;
     for k in 0..parts.len() {
-        let others: Vec<Triangle> =
-            parts.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, part)| part.clone()).collect();
+        let others: Vec<Triangle> = parts
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != k)
+            .map(|(_, part)| part.clone())
+            .collect();
         let others = joined(&others);
         let (excited, _) = excited_columns(&others, n);
         held_out += left_over(&parts[k], &solved(&others, &excited, &of_model)).powi(2);
@@ -185,7 +189,8 @@ pub fn identify(
     })
 }
 
-/// The rows of each part of the motion, columns of base parameters and forces, divided by the noise.
+/// The rows of each part of the motion, columns of base parameters and forces, divided by the
+/// noise.
 fn triangles(
     stack: &mut Stack<'_>,
     base: &Base,
@@ -266,8 +271,7 @@ fn solved(all: &Triangle, excited: &[usize], held: &[f64]) -> Vec<f64> {
     let m = excited.len();
     let mut reduced = Triangle::new(m + 1);
     for row in all.R.chunks_exact(all.n) {
-        let known: f64 =
-            (0..n).filter(|j| !excited.contains(j)).map(|j| row[j] * held[j]).sum();
+        let known: f64 = (0..n).filter(|j| !excited.contains(j)).map(|j| row[j] * held[j]).sum();
         let mut line: Vec<f64> = excited.iter().map(|j| row[*j]).collect();
         line.push(row[n] - known);
         reduced.add(&mut line);
@@ -281,9 +285,9 @@ fn solved(all: &Triangle, excited: &[usize], held: &[f64]) -> Vec<f64> {
 /// 2-norm of the forces that these base parameters leave over.
 fn left_over(all: &Triangle, values: &[f64]) -> f64 {
     let n = values.len();
-    all.R.chunks_exact(all.n).fold(0.0, |norm: f64, row| {
-        norm.hypot(dot(&row[..n], values) - row[n])
-    })
+    all.R
+        .chunks_exact(all.n)
+        .fold(0.0, |norm: f64, row| norm.hypot(dot(&row[..n], values) - row[n]))
 }
 
 struct Physical {
@@ -291,83 +295,113 @@ struct Physical {
     links: Vec<LinkEstimate>,
 }
 
-/// Numbers that a parameter depends on: those of a body near the model's, or its own.
+/// Numbers that parameters depend on: ten of a body near the model's, or friction over its scale.
 enum Free {
     Body { first: usize, link: usize, near: Near, others: [f64; 10] },
     Friction { column: usize, scale: f64 },
 }
 
-/// The parameters that leave the least over, with the square of their distance from the model: a
-/// link that differs by as much as itself counts like a force that is off by its noise.
-fn physical(
-    description: &Description,
-    model: &Model<f64>,
-    base: &Base,
-    all: &Triangle,
-) -> Physical {
-    let mut values = model.parameters();
+impl Free {
+    fn width(&self) -> usize {
+        if matches!(self, Free::Body { .. }) { 10 } else { 1 }
+    }
+}
+
+/// The search for the parameters that leave the least over, with the square of their distance from
+/// the model: a link that differs by as much as itself counts like a force that is off by its
+/// noise.
+struct Search {
+    free: Vec<Free>,
+    /// Rows of all parameters, R [1 map], and what they have to give.
+    rows: Vec<Vec<f64>>,
+    forces: Vec<f64>,
+    /// Parameters of the model.
+    start: Vec<f64>,
+}
+
+/// The numbers that are free: links with mass and inertia, and friction.
+fn free_numbers(description: &Description, model: &Model<f64>, values: &[f64]) -> Vec<Free> {
     let info = model.info();
     let bodies = 10 * info.sizes.n_bodies;
     let mut free = Vec::new();
     for (k, joint) in info.joints().enumerate() {
-        let described = description.joints.iter().find(|x| x.name == joint.name);
-        let Some(link) = described.map(|joint| joint.child) else { continue };
-        let Some(own) = description.links[link].inertial.as_ref().map(parameters) else { continue };
-        if let Some(near) = Near::new(&own) {
+        let Some(described) = description.joints.iter().find(|x| x.name == joint.name) else {
+            continue;
+        };
+        let link = described.child;
+        if let Some(own) = description.links[link].inertial.as_ref().map(parameters)
+            && let Some(near) = Near::new(&own)
+        {
             let others = core::array::from_fn(|i| values[10 * k + i] - own[i]);
             free.push(Free::Body { first: 10 * k, link, near, others });
         }
-        let has_friction = described.is_some_and(|joint| {
-            !matches!(joint.kind, JointKind::Spherical | JointKind::Floating)
-        });
-        for kind in [1, 2].into_iter().filter(|_| has_friction) {
+        if matches!(described.kind, JointKind::Spherical | JointKind::Floating) {
+            continue;
+        }
+        for kind in [1, 2] {
             let column = bodies + kind * info.sizes.n_v + joint.v.start;
             let scale = if values[column] > 0.0 { values[column] } else { 1.0 };
             free.push(Free::Friction { column, scale });
         }
     }
-    // rows of all parameters: R [1 map]
-    let n = base.columns.len();
-    let total = values.len();
-    let wide: Vec<Vec<f64>> = (0..n)
-        .map(|k| {
+    free
+}
+
+impl Search {
+    fn new(description: &Description, model: &Model<f64>, base: &Base, all: &Triangle) -> Search {
+        let start = model.parameters();
+        let n = base.columns.len();
+        let row = |k: usize| {
             let row = &all.row(k)[..n];
-            let mut wide = vec![0.0; total];
+            let mut wide = vec![0.0; start.len()];
             base.columns.iter().zip(row).for_each(|(j, x)| wide[*j] = *x);
             for (i, j) in base.others.iter().enumerate() {
                 wide[*j] = (0..n).map(|c| row[c] * base.map[c * base.others.len() + i]).sum();
             }
             wide
-        })
-        .collect();
-    let width = |free: &Free| if matches!(free, Free::Body { .. }) { 10 } else { 1 };
-    let m: usize = free.iter().map(width).sum();
-    let mut u = vec![0.0; m];
-    let start = values.clone();
-    let at = |u: &[f64], values: &mut [f64]| {
+        };
+        Search {
+            free: free_numbers(description, model, &start),
+            rows: (0..n).map(row).collect(),
+            forces: (0..n).map(|k| all.row(k)[n]).collect(),
+            start,
+        }
+    }
+
+    /// All parameters at u.
+    fn at(&self, u: &[f64]) -> Vec<f64> {
+        let mut values = self.start.clone();
         let mut k = 0;
-        for free in &free {
+        for free in &self.free {
             match free {
                 Free::Body { first, near, others, .. } => {
                     let (own, _) = near.at(&u[k..k + 10]);
                     (0..10).for_each(|i| values[first + i] = own[i] + others[i]);
                 }
-                Free::Friction { column, scale } => values[*column] = start[*column] + scale * u[k],
+                Free::Friction { column, scale } => values[*column] += scale * u[k],
             }
-            k += width(free);
+            k += free.width();
         }
-    };
-    let cost = |u: &[f64], values: &[f64]| {
-        let left = wide.iter().enumerate().map(|(k, row)| dot(row, values) - all.row(k)[n]);
-        left.map(|x| x * x).sum::<f64>() + dot(u, u)
-    };
-    let mut before = cost(&u, &values);
-    let mut damping = 1e-6;
-    for _ in 0..STEPS {
+        values
+    }
+
+    /// Forces left over.
+    fn left(&self, values: &[f64]) -> Vec<f64> {
+        let rows = self.rows.iter().zip(&self.forces);
+        rows.map(|(row, force)| force - dot(row, values)).collect()
+    }
+
+    fn cost(&self, u: &[f64], values: &[f64]) -> f64 {
+        self.left(values).iter().chain(u).map(|x| x * x).sum()
+    }
+
+    /// u after a step of Gauss and Newton towards the least cost, damped.
+    fn stepped(&self, u: &[f64], values: &[f64], damping: f64) -> Vec<f64> {
+        let m = u.len();
         let mut normal = Triangle::new(m + 1);
-        for (k, row) in wide.iter().enumerate() {
+        for (row, left) in self.rows.iter().zip(self.left(values)) {
             let mut line = Vec::with_capacity(m + 1);
-            for free in &free {
+            for free in &self.free {
                 match free {
                     Free::Body { first, near, .. } => {
                         let (_, by) = near.at(&u[line.len()..line.len() + 10]);
@@ -376,7 +410,7 @@ fn physical(
                     Free::Friction { column, scale } => line.push(row[*column] * scale),
                 }
             }
-            line.push(all.row(k)[n] - dot(row, &values));
+            line.push(left);
             normal.add(&mut line);
         }
         for k in 0..m {
@@ -388,37 +422,54 @@ fn physical(
                 normal.add(&mut line);
             }
         }
-        let mut step: Vec<f64> = (0..m).map(|k| normal.row(k)[m]).collect();
-        normal.solve(&mut step);
-        let mut next: Vec<f64> = u.iter().zip(&step).map(|(u, step)| u + step).collect();
-        // friction takes no power from nothing
+        let mut next: Vec<f64> = (0..m).map(|k| normal.row(k)[m]).collect();
+        normal.solve(&mut next);
+        next.iter_mut().zip(u).for_each(|(x, u)| *x += u);
+        // friction gives no power
         let mut k = 0;
-        for free in &free {
+        for free in &self.free {
             if let Free::Friction { column, scale } = free {
-                next[k] = next[k].max(-start[*column] / scale);
+                next[k] = next[k].max(-self.start[*column] / scale);
             }
-            k += width(free);
+            k += free.width();
         }
-        let mut moved = values.clone();
-        at(&next, &mut moved);
-        let after = cost(&next, &moved);
-        if after <= before {
-            let ends = before - after <= STILL * before;
-            (u, values, before) = (next, moved, after);
-            damping = (damping * 0.1).max(1e-9);
-            if ends {
-                break;
-            }
-        } else {
-            damping = (damping * 10.0).max(1e-3);
+        next
+    }
+}
+
+/// The nearest physical parameters to the model that explain the forces.
+fn physical(
+    description: &Description,
+    model: &Model<f64>,
+    base: &Base,
+    all: &Triangle,
+) -> Physical {
+    let search = Search::new(description, model, base, all);
+    let mut u = vec![0.0; search.free.iter().map(Free::width).sum()];
+    let mut values = search.at(&u);
+    let mut before = search.cost(&u, &values);
+    let mut damping = 1e-6;
+    for _ in 0..STEPS {
+        let next = search.stepped(&u, &values, damping);
+        let moved = search.at(&next);
+        let after = search.cost(&next, &moved);
+        if after > before {
+            damping = f64::max(damping * 10.0, 1e-3);
+            continue;
+        }
+        let ends = before - after <= STILL * before;
+        (u, values, before) = (next, moved, after);
+        damping = f64::max(damping * 0.1, 1e-9);
+        if ends {
+            break;
         }
     }
-    let links = free.iter().filter_map(|free| {
+    let links = search.free.iter().filter_map(|free| {
         let Free::Body { first, link, others, .. } = free else { return None };
         let own = core::array::from_fn(|i| values[first + i] - others[i]);
-        let rpy = description.links[*link].inertial.as_ref()?.origin.rpy;
-        let name = description.links[*link].name.clone();
-        Some(LinkEstimate { name, inertial: inertial(&own, rpy) })
+        let link = &description.links[*link];
+        let rpy = link.inertial.as_ref()?.origin.rpy;
+        Some(LinkEstimate { name: link.name.clone(), inertial: inertial(&own, rpy) })
     });
     Physical { links: links.collect(), parameters: values }
 }

@@ -34,9 +34,8 @@ impl<'a> Stack<'a> {
             if by_actuators { Field::TauU } else { Field::TauY },
         ];
         let want = [&rows[..], &[Field::GU]].concat();
-        let query =
-            Query::new(Request::InverseDynamics, FieldSet::of(&given), FieldSet::of(&want))
-                .with_options(QueryOptions::FRICTION);
+        let query = Query::new(Request::InverseDynamics, FieldSet::of(&given), FieldSet::of(&want))
+            .with_options(QueryOptions::FRICTION);
         let plan = Plan::new(model, &query)?;
         Ok(Stack {
             workspace: Workspace::for_plans(model, [&plan]),
@@ -61,11 +60,9 @@ impl<'a> Stack<'a> {
 
     /// Computes a state.
     pub(crate) fn at(&mut self, sample: &Sample) -> Status {
-        for (field, numbers) in [
-            (Field::Y, &sample.y),
-            (Field::Yd, &sample.yd),
-            (Field::Ydd, &sample.ydd),
-        ] {
+        for (field, numbers) in
+            [(Field::Y, &sample.y), (Field::Yd, &sample.yd), (Field::Ydd, &sample.ydd)]
+        {
             if let Some(slot) = self.plan.given().slot(field) {
                 self.input[slot.range()].copy_from_slice(numbers);
             }
@@ -87,13 +84,13 @@ impl<'a> Stack<'a> {
             tau_u.to_vec()
         } else {
             let G_u = self.get(Field::GU);
-            (0..n_vy).map(|k| (tau_u.iter().enumerate()).map(|(u, x)| G_u[u * n_vy + k] * x).sum())
+            (0..n_vy)
+                .map(|k| (tau_u.iter().enumerate()).map(|(u, x)| G_u[u * n_vy + k] * x).sum())
                 .collect()
         };
         let of_model = self.get(if self.by_actuators { Field::TauU } else { Field::TauY });
-        let others = of_model.iter().zip(self.rows()).map(|(tau, row)| {
-            tau - dot(row, &self.parameters)
-        });
+        let others =
+            of_model.iter().zip(self.rows()).map(|(tau, row)| tau - dot(row, &self.parameters));
         measured.iter().zip(others).map(|(tau, others)| tau - others).collect()
     }
 }

@@ -132,7 +132,8 @@ fn parameters_come_back_from_a_motion_without_noise() {
     for robot in ["lambda", "torso", "r3_lambda_r"] {
         let (estimate, truth, _) = estimated(&bundled(robot), &[], (400, 0.0), 3);
         let largest = truth.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-        for (of, truth) in estimate.base.iter().zip(&truth).filter(|(of, _)| of.standard_error.is_some())
+        for (of, truth) in
+            estimate.base.iter().zip(&truth).filter(|(of, _)| of.standard_error.is_some())
         {
             let error = (of.value - truth).abs() / largest;
             assert!(error < 1e-7, "{robot} {:?}: {} {truth}", of.combination, of.value);

@@ -36,12 +36,13 @@ impl Identify {
         let file = self.log.display();
         let log = Log::of_table(&compiled.model, &heads, &rows)
             .map_err(|error| Failure::start(format!("{file}: {error}")))?;
-        let estimate = identify(description, &compiled.model, &log).map_err(|error| match error {
-            IdentifyError::Sample { row, status } if log.samples.len() == lines.len() => {
-                Failure::finding(format!("{file}:{}: the state is {status}", lines[row]))
-            }
-            error => Failure::finding(format!("{file}: {error}")),
-        })?;
+        let estimate =
+            identify(description, &compiled.model, &log).map_err(|error| match error {
+                IdentifyError::Sample { row, status } if log.samples.len() == lines.len() => {
+                    Failure::finding(format!("{file}:{}: the state is {status}", lines[row]))
+                }
+                error => Failure::finding(format!("{file}: {error}")),
+            })?;
         if let Some(path) = &self.out {
             let (urdf, _) = texts(&self.robot.source())?;
             let links: Vec<_> =

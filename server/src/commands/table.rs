@@ -8,9 +8,7 @@ use sarrus_report::csv_rows::{self, Row};
 use super::output::Failure;
 
 /// Line numbers, numbers and heads of a table.
-pub(super) fn table(
-    path: &Path,
-) -> Result<(Vec<usize>, Vec<Vec<f64>>, Vec<String>), Failure> {
+pub(super) fn table(path: &Path) -> Result<(Vec<usize>, Vec<Vec<f64>>, Vec<String>), Failure> {
     let file = path.display();
     let text = fs::read_to_string(path)
         .map_err(|error| Failure::start(format!("cannot read {file}: {error}")))?;

@@ -88,8 +88,7 @@ impl Plan {
             to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
-        let of_actuators =
-            [Field::TauU, Field::TauUnactuated, Field::Lambda, Field::RegressorU];
+        let of_actuators = [Field::TauU, Field::TauUnactuated, Field::Lambda, Field::RegressorU];
         if self.wants_any(&of_actuators)
             || self.wants_any(&OF_ACTUATORS)
             || self.wants_any(&READ_TAU_U)

@@ -68,8 +68,8 @@ impl Plan {
         self.check_overflow(output)
     }
 
-    /// Writes the fields of motors and of parameters, then those of task space, which overwrites the
-    /// workspace.
+    /// Writes the fields of motors and of parameters, then those of task space, which overwrites
+    /// the workspace.
     #[inline(never)]
     fn write_rare<T: Real>(
         &self,

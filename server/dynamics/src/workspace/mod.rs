@@ -115,8 +115,8 @@ pub struct Workspace<T: Real> {
     pub(crate) dense: Vec<T>,
     pub(crate) dense_rhs: Vec<T>,
     pub(crate) dense_spare: Vec<T>,
-    /// Forces of the actuators by those on the tree, a row of each tree velocity (n_v × actuators of
-    /// a cluster), by `plan/regressor.rs`.
+    /// Forces of the actuators by those on the tree, a row of each tree velocity (n_v × actuators
+    /// of a cluster), by `plan/regressor.rs`.
     pub(crate) actuation: Vec<T>,
     /// One frame's Jacobian (6 × n_vy) {root axes at the frame}, by `plan/output.rs`.
     pub(crate) jacobian: Vec<T>,
