@@ -12,10 +12,10 @@ mod equality;
 mod geom;
 mod item;
 mod mesh;
-mod pose;
+pub(crate) mod pose;
 mod solid;
 mod unread;
-mod write;
+pub(crate) mod write;
 
 use std::path::{Path, PathBuf};
 

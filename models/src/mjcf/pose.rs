@@ -8,35 +8,35 @@ use crate::rotation::{cross, dot, product, rotated, rpy};
 
 /// A translation and a unit quaternion x, y, z, w.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pose {
-    pub(super) p: [f64; 3],
-    pub(super) r: [f64; 4],
+pub(crate) struct Pose {
+    pub(crate) p: [f64; 3],
+    pub(crate) r: [f64; 4],
 }
 
 impl Pose {
-    pub(super) const NONE: Pose = Pose { p: [0.0; 3], r: [0.0, 0.0, 0.0, 1.0] };
+    pub(crate) const NONE: Pose = Pose { p: [0.0; 3], r: [0.0, 0.0, 0.0, 1.0] };
 
-    pub(super) fn at(p: [f64; 3]) -> Pose {
+    pub(crate) fn at(p: [f64; 3]) -> Pose {
         Pose { p, ..Pose::NONE }
     }
 
     /// This pose, then `inner` in its axes.
-    pub(super) fn then(self, inner: Pose) -> Pose {
+    pub(crate) fn then(self, inner: Pose) -> Pose {
         Pose { p: self.apply(inner.p), r: unit(product(self.r, inner.r)).unwrap_or(self.r) }
     }
 
     /// A point of the inner frame in the outer one.
-    pub(super) fn apply(self, point: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn apply(self, point: [f64; 3]) -> [f64; 3] {
         plus(self.p, rotated(self.r, point))
     }
 
-    pub(super) fn inverse(self) -> Pose {
+    pub(crate) fn inverse(self) -> Pose {
         let [x, y, z, w] = self.r;
         let r = [-x, -y, -z, w];
         Pose { p: rotated(r, self.p).map(|x| -x), r }
     }
 
-    pub(super) fn placement(self) -> Placement {
+    pub(crate) fn placement(self) -> Placement {
         Placement { xyz: self.p, rpy: rpy(self.r) }
     }
 
@@ -61,7 +61,7 @@ pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// A vector of length one; `None` of a vanishing one.
-pub(super) fn unit<const N: usize>(v: [f64; N]) -> Option<[f64; N]> {
+pub(crate) fn unit<const N: usize>(v: [f64; N]) -> Option<[f64; N]> {
     let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     (length > 1e-14).then(|| v.map(|x| x / length))
 }
@@ -145,7 +145,7 @@ impl Angles {
 }
 
 /// The rotation whose x axis is `x`, and whose y axis is `y` made perpendicular to it.
-fn of_axes(x: [f64; 3], y: [f64; 3]) -> Option<[f64; 4]> {
+pub(crate) fn of_axes(x: [f64; 3], y: [f64; 3]) -> Option<[f64; 4]> {
     let x = unit(x)?;
     let along = dot(x, y);
     let y = unit(std::array::from_fn(|k| y[k] - along * x[k]))?;

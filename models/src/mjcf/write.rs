@@ -12,7 +12,7 @@ use crate::rewrite::number;
 use crate::suggest::word;
 
 /// A text as an attribute's value.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let pairs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;")];
     pairs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
@@ -22,7 +22,7 @@ fn list<const N: usize>(of: [f64; N], between: &str) -> String {
     of.map(|x| number(x + 0.0)).join(between)
 }
 
-fn origin(at: Placement) -> String {
+pub(crate) fn origin(at: Placement) -> String {
     if at == Placement::default() {
         return String::new();
     }
@@ -69,7 +69,7 @@ pub(super) fn urdf(name: &str, tree: &Tree) -> String {
     text + &joints + &transmissions + "</robot>\n"
 }
 
-fn link(name: &str, inertial: Option<Inertial>) -> String {
+pub(crate) fn link(name: &str, inertial: Option<Inertial>) -> String {
     let Some(Inertial { origin: at, mass, inertia }) = inertial else {
         return format!("  <link name=\"{}\"/>\n", escaped(name));
     };
@@ -88,7 +88,7 @@ fn link(name: &str, inertial: Option<Inertial>) -> String {
     )
 }
 
-fn ends(parent: &str, child: &str) -> String {
+pub(crate) fn ends(parent: &str, child: &str) -> String {
     format!("<parent link=\"{}\"/><child link=\"{}\"/>", escaped(parent), escaped(child))
 }
 
