@@ -1,5 +1,6 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops, or MJCF for both. Contains sixteen bundled robots.
+//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains sixteen
+//! bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load, texts};
@@ -81,6 +82,7 @@ mod names;
 mod number;
 mod open;
 mod pattern;
+mod pose;
 mod report;
 mod rewrite;
 mod rotation;

@@ -92,10 +92,10 @@ enum Command {
     /// Write a robot for another program: MJCF, SDF, Pinocchio, Gepetto's tools, or our own files.
     ///
     /// Prints the files, and how far they are from the robot as an engine reads them: MuJoCo for
-    /// mjcf, Pinocchio for pinocchio and gepetto, Drake for sdf, each with Python where its wheel is
-    /// installed, else "not run". Ends with 0 when all was written, 1 for a bad robot, parts that
-    /// the format cannot express (--lenient: a warning) and a difference beyond rounding, 2 for
-    /// wrong flags and files that cannot be written.
+    /// mjcf, Pinocchio for pinocchio and gepetto, Drake for sdf, each from Python where its wheel
+    /// is installed, else "not run". Ends with 0 when all was written, 1 for a bad robot, parts
+    /// that the format cannot express (--lenient: a warning) and a difference beyond rounding, 2
+    /// for wrong flags and files that cannot be written.
     #[cfg(feature = "report")]
     Export(commands::export::Export),
     /// Print the completions of commands, flags and values for a shell.

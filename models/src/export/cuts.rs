@@ -1,8 +1,8 @@
-//! What the rows of a cut hold: the joint that they leave, and points and welds that hold the same.
+//! The joint that the rows of a cut leave, and points and welds that hold the same directions.
 
 use sarrus_dynamics::description::{Loop, Row};
 
-use crate::mjcf::pose::Pose;
+use crate::pose::Pose;
 use crate::rotation::{cross, dot};
 
 /// The joint that a cut leaves.

@@ -9,10 +9,10 @@ use sarrus_dynamics::Site;
 use sarrus_dynamics::description::{Inertial, Joint, JointKind};
 
 use super::cuts::Tie;
-use super::{Out, attribute, inertial, list, pose};
+use super::urdf::escaped;
+use super::{Out, attribute, inertial, list};
 use crate::inertia::principal;
-use crate::mjcf::pose::{Pose, of_axes};
-use crate::mjcf::write::escaped;
+use crate::pose::{Pose, of_axes};
 use crate::report::quoted;
 use crate::rewrite::number;
 
@@ -22,7 +22,7 @@ const LEAST: f64 = 2e-15;
 const FAR: f64 = 1e9;
 
 /// Solver and integrator: a time step of 1 ms, whose double is the time constant of constraints.
-const HEAD: &str = r#"  <compiler angle="radian" autolimits="true" balanceinertia="false" boundmass="0" boundinertia="0" fusestatic="false" inertiafromgeom="auto"/>
+const HEAD: &str = r#"  <compiler angle="radian" autolimits="true" fusestatic="false"/>
   <default>
     <equality solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"/>
   </default>
@@ -92,7 +92,7 @@ impl Bodies<'_, '_> {
                 }
                 continue;
             }
-            self.body(joint.child, pose(&joint.origin), Some(joint), depth);
+            self.body(joint.child, Pose::of(&joint.origin), Some(joint), depth);
         }
     }
 
@@ -190,7 +190,7 @@ fn of_joint(joint: &Joint) -> String {
 /// The inertia about its principal axes, which MuJoCo takes as they are, and whether the body has
 /// none but must have one.
 fn mass(of: Inertial, moves: bool) -> (String, bool) {
-    let Pose { p, r } = pose(&of.origin);
+    let Pose { p, r } = Pose::of(&of.origin);
     let (moments, axes) = principal(&of.inertia);
     let turn = of_axes(axes[0], axes[1]).unwrap_or(Pose::NONE.r);
     let [mut a, mut b, mut c] = moments;

@@ -19,16 +19,15 @@ mod yaml;
 use std::fmt::Write;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Loop, Placement, SubmechanismKind,
+    Cut, Description, Inertial, Joint, JointKind, Loop, SubmechanismKind,
 };
 use sarrus_dynamics::{CutJoint, Model, Site};
 
 use crate::error::LoadError;
 use crate::load::Loaded;
-use crate::mjcf::pose::Pose;
+use crate::pose::Pose;
 use crate::report::{Diagnostics, Report, Span, quoted};
 use crate::rewrite::number;
-use crate::rotation::quaternion;
 use cuts::{Tie, held};
 
 /// A format of [`export`].
@@ -50,9 +49,9 @@ pub enum Target {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Exported {
-    /// Endings of their names, and their contents; the first one is what the other program reads.
+    /// Endings of their names, and their contents; the other program reads the first one.
     pub files: Vec<(&'static str, String)>,
-    /// What the format does not hold.
+    /// Parts that the format does not hold.
     pub report: Report,
     /// The robot as the files hold it: its cuts are those that the format has.
     pub held: Description,
@@ -82,7 +81,7 @@ pub fn export(
         Target::Sdf => vec![(".sdf", sdf::text(&mut out))],
         Target::Urdf => {
             let description = &loaded.description;
-            vec![(".urdf", urdf::text(description, &[])), (".yml", yaml::text(description))]
+            vec![(".urdf", urdf::text(description)), (".yml", yaml::text(description))]
         }
         Target::Pinocchio => pinocchio::texts(&mut out, &ties),
         Target::Gepetto => gepetto::texts(&mut out, &ties),
@@ -110,7 +109,7 @@ impl<'a> Robot<'a> {
         let mut open = vec![root];
         while let Some(link) = open.pop() {
             for joint in robot.of.joints.iter().filter(|joint| joint.parent == link) {
-                robot.zero[joint.child] = robot.zero[link].then(pose(&joint.origin));
+                robot.zero[joint.child] = robot.zero[link].then(Pose::of(&joint.origin));
                 open.push(joint.child);
             }
         }
@@ -133,7 +132,7 @@ impl<'a> Robot<'a> {
             Cut::AtJoint(joint) => self.of.joints.get(joint).map_or(self.root, |of| of.child),
             Cut::AtLink(link) => link,
             Cut::Placed { predecessor, successor } => {
-                return [pose(&predecessor), pose(&successor)];
+                return [Pose::of(&predecessor), Pose::of(&successor)];
             }
             _ => self.root,
         };
@@ -154,7 +153,7 @@ impl<'a> Robot<'a> {
     }
 }
 
-/// What the writers of formats share.
+/// The robot, and the report of its writer.
 struct Out<'a> {
     loaded: &'a Loaded,
     diagnostics: Diagnostics,
@@ -176,7 +175,7 @@ impl Out<'_> {
         self.diagnostics.note(self.at(site), found, help);
     }
 
-    /// Reports what no format but our own holds, and a zero pose that no format holds.
+    /// Reports parts that no format but our own holds, and a zero pose that no format holds.
     fn check(&mut self, target: Target) {
         let of = self.robot.of;
         if let Some((joint, _)) = of.zero_pose.iter().find(|(_, x)| x.iter().any(|x| *x != 0.0)) {
@@ -281,8 +280,14 @@ fn has_terms(joint: &Joint) -> bool {
     terms.damping != 0.0 || terms.stiffness != 0.0 || terms.rotor_inertia != 0.0
 }
 
-fn pose(of: &Placement) -> Pose {
-    Pose { p: of.xyz, r: quaternion(of.rpy) }
+/// The URDF of a description.
+pub(crate) fn urdf(of: &Description) -> String {
+    urdf::text(of)
+}
+
+/// The submechanism file of a description.
+pub(crate) fn submechanisms(of: &Description) -> String {
+    yaml::text(of)
 }
 
 /// Numbers with blanks between, no negative zeros.

@@ -8,7 +8,7 @@ use super::cuts::Tie;
 use super::{Out, has_terms, listed, urdf};
 use crate::rewrite::number;
 
-/// What follows the tables of a robot.
+/// The functions, behind the tables of a robot.
 const LOAD: &str = include_str!("pinocchio.py");
 
 /// A text as a literal of Python.
@@ -57,7 +57,7 @@ pub(super) fn texts(out: &mut Out<'_>, ties: &[Tie]) -> Vec<(&'static str, Strin
         let terms = terms.join(", ");
         let _ = writeln!(text, "    ({}, {{{terms}}}, {}),", name(joint), number(coupling.offset));
     }
-    text += "]\n# name, rows, and twice a link with x y z and quaternion x y z w of the frame in it\n\
+    text += "]\n# name, rows, and twice a link with x y z and quaternion x y z w of the frame\n\
              CUTS = [\n";
     for tie in ties {
         let rows = if tie.is_weld { 6 } else { 3 };

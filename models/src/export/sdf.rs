@@ -3,14 +3,15 @@
 use std::fmt::Write;
 
 use sarrus_dynamics::Site;
-use sarrus_dynamics::description::{Joint, JointKind};
+use sarrus_dynamics::description::{Joint, JointKind, Loop};
 
 use super::cuts::{Kind, held};
-use super::{Out, inertial, list, pose};
-use crate::mjcf::pose::Pose;
-use crate::mjcf::write::escaped;
+use super::urdf::escaped;
+use super::{Out, inertial, list};
+use crate::pose::{Pose, unit};
 use crate::report::quoted;
 use crate::rewrite::number;
+use crate::rotation::rotated;
 
 /// Steps of 0.1 ms: loops are closed by velocities and drift.
 const HEAD: &str = r#"<sdf version="1.11">
@@ -21,6 +22,10 @@ const HEAD: &str = r#"<sdf version="1.11">
     </physics>
 "#;
 
+/// A link without mass.
+const MASSLESS: &str = "        <inertial><mass>1e-12</mass><inertia><ixx>1e-12</ixx>\
+                        <iyy>1e-12</iyy><izz>1e-12</izz></inertia></inertial>\n";
+
 /// The world with its model.
 pub(super) fn text(out: &mut Out<'_>) -> String {
     let mut text = HEAD.to_owned();
@@ -28,92 +33,85 @@ pub(super) fn text(out: &mut Out<'_>) -> String {
     let _ = writeln!(text, "    <gravity>{}</gravity>", list(&of.gravity));
     let _ = writeln!(text, "    <model name=\"{}\">", escaped(out.name));
     let root = out.robot.root;
-    for (l, link) in of.links.iter().enumerate() {
-        // the world has no link of its own
-        if l == root && link.name == "world" {
-            continue;
-        }
-        let _ = writeln!(text, "      <link name=\"{}\">", escaped(&link.name));
-        let above = of.joints.iter().find(|joint| joint.child == l);
-        if let Some(joint) = above {
-            let parent = out.robot.link(joint.parent);
-            text += &placed(pose(&joint.origin), if parent == "world" { "" } else { parent });
-        }
-        if let Some(inertial) = inertial(&out.robot, l).filter(|of| of.mass > 0.0) {
-            text += "        <inertial>\n  ";
-            text += &placed(pose(&inertial.origin), "");
-            let _ = writeln!(text, "          <mass>{}</mass>", number(inertial.mass));
-            text += "          <inertia>";
-            let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
-            for (name, value) in names.into_iter().zip(inertial.inertia) {
-                let _ = write!(text, "<{name}>{}</{name}>", number(value));
-            }
-            text += "</inertia>\n        </inertial>\n";
-        } else {
-            // without mass it would weigh 1 kg
-            text += "        <inertial><mass>1e-12</mass><inertia><ixx>1e-12</ixx><iyy>1e-12</iyy>\
-                     <izz>1e-12</izz></inertia></inertial>\n";
-        }
-        text += "      </link>\n";
+    // the world has no link of its own
+    let is_world = out.robot.link(root) == "world";
+    for link in (0..of.links.len()).filter(|link| *link != root || !is_world) {
+        text += &of_link(out, link);
     }
-    if out.robot.link(root) != "world" && !has_free_root(out) {
-        let child = escaped(out.robot.link(root));
-        let _ = writeln!(
-            text,
-            "      <joint name=\"{child}/world\" type=\"fixed\"><parent>world</parent>\
-             <child>{child}</child></joint>"
-        );
+    if !is_world {
+        let [name, child] =
+            [format!("{}/world", out.robot.link(root)), out.robot.link(root).into()];
+        text += &open(&name, "fixed", ["world", &child]);
+        text += "      </joint>\n";
     }
     for (j, joint) in of.joints.iter().enumerate() {
         text += &of_joint(out, j, joint);
     }
     for (s, part) in of.submechanisms.iter().enumerate() {
         for (l, each) in part.loops.iter().enumerate() {
-            let cut = held(&each.rows);
-            let kind = match cut.kind {
-                Kind::Point => "ball",
-                Kind::Plane | Kind::Hinge => "revolute",
-                Kind::Weld => "fixed",
-                Kind::Slide => "prismatic",
-                Kind::Universal => "universal",
-                Kind::Other => {
-                    let found =
-                        format!("the cut {} holds a {}", quoted(&each.name), cut.kind.name());
-                    let expected = "ball, revolute, fixed, prismatic or universal";
-                    let help = "write the joint of the cut into the tree, and cut a body by a weld";
-                    out.lost(Site::Loop(s, l), found, expected, help);
-                    continue;
-                }
-            };
-            let [_, place] = out.robot.places(each);
-            let ends = [each.predecessor, each.successor].map(|link| out.robot.link(link));
-            let name = format!("{}/{}", part.name, each.name);
-            text += &open(&name, kind, ends);
-            text += &placed(place, "");
-            if !matches!(kind, "ball" | "fixed") {
-                // {joint}: the axes of the successor's cut frame, those of the predecessor's at zero
-                let _ = writeln!(text, "        <axis><xyz>{}</xyz></axis>", list(&unit(cut.axis)));
-            }
-            if kind == "universal" {
-                let axis = list(&unit(cut.axis2));
-                let _ = writeln!(text, "        <axis2><xyz>{axis}</xyz></axis2>");
-            }
-            text += "      </joint>\n";
+            text += &of_loop(out, (s, l), &format!("{}/{}", part.name, each.name), each);
         }
     }
     text + "    </model>\n  </world>\n</sdf>\n"
 }
 
-/// Whether the root link is the world of a free joint.
-fn has_free_root(out: &Out<'_>) -> bool {
-    let root = out.robot.root;
-    inertial(&out.robot, root).is_none()
-        && out.robot.below(root).any(|(_, joint)| joint.kind == JointKind::Floating)
-        && out.robot.below(root).count() == 1
+fn of_link(out: &Out<'_>, link: usize) -> String {
+    let of = out.robot.of;
+    let mut text = format!("      <link name=\"{}\">\n", escaped(out.robot.link(link)));
+    if let Some(joint) = of.joints.iter().find(|joint| joint.child == link) {
+        let parent = out.robot.link(joint.parent);
+        text += &placed(Pose::of(&joint.origin), if parent == "world" { "" } else { parent });
+    }
+    if let Some(inertial) = inertial(&out.robot, link).filter(|of| of.mass > 0.0) {
+        text += &format!("        <inertial>\n{}", placed(Pose::of(&inertial.origin), ""));
+        let _ = write!(text, "        <mass>{}</mass><inertia>", number(inertial.mass));
+        let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
+        for (name, value) in names.into_iter().zip(inertial.inertia) {
+            let _ = write!(text, "<{name}>{}</{name}>", number(value));
+        }
+        text += "</inertia>\n        </inertial>\n";
+    } else {
+        // without mass it would weigh 1 kg
+        text += MASSLESS;
+    }
+    text + "      </link>\n"
 }
 
-fn unit(axis: [f64; 3]) -> [f64; 3] {
-    crate::mjcf::pose::unit(axis).unwrap_or(axis)
+/// The joint that closes a loop.
+fn of_loop(out: &mut Out<'_>, (s, l): (usize, usize), name: &str, of: &Loop) -> String {
+    let cut = held(&of.rows);
+    let kind = match cut.kind {
+        Kind::Point => "ball",
+        Kind::Plane | Kind::Hinge => "revolute",
+        Kind::Weld => "fixed",
+        Kind::Slide => "prismatic",
+        Kind::Universal => "universal",
+        Kind::Other => {
+            let found = format!("the cut {} holds a {}", quoted(&of.name), cut.kind.name());
+            let expected = "ball, revolute, fixed, prismatic or universal";
+            let help = "write the joint of the cut into the tree, and cut a body by a weld";
+            out.lost(Site::Loop(s, l), found, expected, help);
+            return String::new();
+        }
+    };
+    let ends = [of.predecessor, of.successor].map(|link| out.robot.link(link));
+    let mut text = open(name, kind, ends);
+    let [first, second] = out.robot.places(of);
+    text += &placed(second, "");
+    // in the successor's cut frame
+    let [first, second] = [(of.predecessor, first), (of.successor, second)]
+        .map(|(link, place)| out.robot.zero[link].then(place));
+    let turn = second.inverse().then(first).r;
+    let axes = match kind {
+        "ball" | "fixed" => "",
+        "universal" => "axis axis2",
+        _ => "axis",
+    };
+    for (name, axis) in axes.split_whitespace().zip([rotated(turn, cut.axis), cut.axis2]) {
+        let axis = list(&unit(axis).unwrap_or(axis));
+        let _ = writeln!(text, "        <{name}><xyz>{axis}</xyz></{name}>");
+    }
+    text + "      </joint>\n"
 }
 
 fn placed(at: Pose, relative_to: &str) -> String {
@@ -161,7 +159,7 @@ fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
     let mut text =
         open(&joint.name, kind, [joint.parent, joint.child].map(|link| out.robot.link(link)));
     if !matches!(kind, "fixed" | "ball") {
-        let axis = list(&unit(joint.axis));
+        let axis = list(&unit(joint.axis).unwrap_or(joint.axis));
         let _ = writeln!(text, "        <axis>\n          <xyz>{axis}</xyz>");
         let limits = joint.limits.iter().flat_map(|of| {
             [

@@ -2,10 +2,9 @@
 
 use std::fmt::Write;
 
-use sarrus_dynamics::description::{Description, Joint, JointKind, Placement};
+use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Placement};
 
 use super::{attribute, list};
-use crate::mjcf::write::{ends, escaped, link, origin};
 use crate::rewrite::number;
 
 /// A limit that other readers of URDF take for none.
@@ -18,10 +17,23 @@ pub(super) struct Frame<'a> {
     pub(super) place: Placement,
 }
 
+/// A text as an attribute's value.
+pub(super) fn escaped(text: &str) -> String {
+    let pairs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;")];
+    pairs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
+}
+
+fn origin(at: Placement) -> String {
+    if at == Placement::default() {
+        return String::new();
+    }
+    format!("<origin xyz=\"{}\" rpy=\"{}\"/>", list(&at.xyz), list(&at.rpy))
+}
+
 /// The URDF of this project, which reads each number again as it is.
-pub(super) fn text(of: &Description, frames: &[Frame<'_>]) -> String {
+pub(super) fn text(of: &Description) -> String {
     // version 1.2 can leave a limit out
-    written(of, frames, "1.2", &|joint| match joint.kind {
+    written(of, &[], "1.2", &|joint| match joint.kind {
         JointKind::Fixed => "fixed",
         JointKind::Revolute => "revolute",
         JointKind::Continuous => "continuous",
@@ -66,6 +78,29 @@ fn written(
         text += &transmission(of, joint);
     }
     text + "</robot>\n"
+}
+
+fn link(name: &str, inertial: Option<Inertial>) -> String {
+    let Some(Inertial { origin: at, mass, inertia }) = inertial else {
+        return format!("  <link name=\"{}\"/>\n", escaped(name));
+    };
+    let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
+    let moments: String = names
+        .iter()
+        .zip(inertia)
+        .map(|(name, value)| format!(" {name}=\"{}\"", number(value + 0.0)))
+        .collect();
+    format!(
+        "  <link name=\"{}\">\n    <inertial>{}<mass value=\"{}\"/>\n      <inertia{moments}/>\
+         </inertial>\n  </link>\n",
+        escaped(name),
+        origin(at),
+        number(mass)
+    )
+}
+
+fn ends(parent: &str, child: &str) -> String {
+    format!("<parent link=\"{}\"/><child link=\"{}\"/>", escaped(parent), escaped(child))
 }
 
 fn of_joint(of: &Description, joint: &Joint, kind: &str, is_ours: bool) -> String {

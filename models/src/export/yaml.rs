@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::{
     Cut, Description, Friction, Joint, Loop, Motor, Placement, Submechanism,
 };
@@ -80,6 +81,11 @@ fn cut(robot: &Robot<'_>, of: &Loop) -> String {
             text,
             "    cut_joint_type: universal\n    axis: [{axis}]\n    axis2: [{axis2}]"
         );
+        return text;
+    }
+    let named = [("spherical", CutJoint::Spherical), ("weld", CutJoint::Weld)];
+    if let Some((kind, _)) = named.into_iter().find(|(_, joint)| joint.rows() == of.rows) {
+        let _ = writeln!(text, "    cut_joint_type: {kind}");
         return text;
     }
     text += "    constraint_axes:\n";

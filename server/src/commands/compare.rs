@@ -35,7 +35,7 @@ fn in_words(found: &Comparison) -> String {
         return format!("{}\n", found.peer);
     }
     let mut text = format!(
-        "{} beside {}: largest difference from the exact answer, by size, and time of a call\n",
+        "{} beside {}\nlargest difference from the exact answer, by size, and time of a call\n",
         found.robot, found.peer
     );
     text += &format!(

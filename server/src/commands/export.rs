@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use sarrus_client::Options;
 use sarrus_models::{Exported, Loaded, Source, Target, export, load};
-use sarrus_report::peer::exported::{Deviation, Difference, deviation};
+use sarrus_report::peer::exported::{Deviation, Difference, deviation, pythons};
 use serde::Serialize;
 
 use super::output::{Failure, FormatFlag, Outcome, Results, file_name, labelled, write_new};
@@ -35,7 +35,7 @@ const TARGETS: Choices<Target, 5> = [
     (Target::Gepetto, "gepetto", "A URDF and the YAML file of Gepetto's tools"),
 ];
 
-/// What was written, and how far it is from the robot.
+/// The written files, and their distance from the robot.
 #[derive(Serialize)]
 struct Written {
     files: Vec<PathBuf>,
@@ -58,7 +58,7 @@ impl Export {
         write_new(&self.out, &files)?;
         let files: Vec<PathBuf> = files.into_iter().map(|(path, _)| path).collect();
         let with = |engine: &str, file: &Path| {
-            let found = deviation(&loaded.description, &held, engine, file);
+            let found = deviation(&loaded.description, &held, engine, file, &pythons());
             found.map_err(|error| Failure::start(error.to_string()))
         };
         let file = |ending: &str| {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::exported::{Deviation, Difference, deviation};
+use super::exported::{Deviation, Difference, deviation, pythons};
 use super::{Peer, Run, peer};
 use crate::Outcome;
 use crate::measure::timing::interleaved;
@@ -48,7 +48,7 @@ pub struct Row {
     /// The largest difference from the same model in double-double, by size: the peer's and ours;
     /// none where a number is missing.
     pub theirs: Option<f64>,
-    /// Ours; none where ours is what theirs is compared with.
+    /// Ours; none where theirs is compared with ours.
     pub ours: Option<f64>,
     /// Nanoseconds of a call: the peer's and ours; none where it was not timed.
     pub theirs_ns: Option<f64>,
@@ -96,7 +96,7 @@ pub fn compare(loaded: &Loaded, engine: &str) -> Outcome<Comparison> {
     Ok(found)
 }
 
-/// What the peer makes of the exported files; none of a peer or a robot without.
+/// The difference of the exported files by the peer; none for a peer that reads none.
 fn of_files(loaded: &Loaded, engine: &str) -> Outcome<Option<Deviation>> {
     let (target, name) = match engine {
         "mujoco" => (Target::Mjcf, "MuJoCo"),
@@ -120,7 +120,7 @@ fn of_files(loaded: &Loaded, engine: &str) -> Outcome<Option<Deviation>> {
     let file = folder.join(format!("robot{ending}"));
     let found = written
         .map_err(Into::into)
-        .and_then(|()| deviation(&loaded.description, &exported.held, name, &file));
+        .and_then(|()| deviation(&loaded.description, &exported.held, name, &file, &pythons()));
     let _ = std::fs::remove_dir_all(&folder);
     found.map(Some)
 }

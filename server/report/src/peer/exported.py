@@ -4,10 +4,15 @@ In: one object of JSON, as `exported.rs` writes it. Out: one object with the eng
 differences, by size. Ends with 3 and the reason where a package is missing.
 """
 
+import faulthandler
 import importlib.util
 import json
+import os
 import sys
 
+# ends a program that hangs, with the place
+faulthandler.dump_traceback_later(60, exit=True)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 try:
     import numpy as np
 except ImportError as error:
@@ -72,7 +77,7 @@ class MuJoCo:
         K, bias = [np.zeros((0, m.nv))], [np.zeros(0)]
         for e in range(m.neq):
             first, second = m.eq_obj1id[e], m.eq_obj2id[e]
-            kind = m.eq_type[e]
+            kind = kinds(int(m.eq_type[e]))
             if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 ends = []
                 for site in (first, second):
@@ -241,20 +246,17 @@ class Drake:
         from importlib.metadata import version
 
         from pydrake.multibody.parsing import Parser
-        from pydrake.multibody.plant import MultibodyForces, MultibodyPlant
+        from pydrake.multibody.plant import MultibodyPlant
+        from pydrake.multibody.tree import MultibodyForces
 
         self.forces = MultibodyForces
         self.name = f"Drake {version('drake')}, loops left out"
         self.joints = given["joints"]
         document = xml.parse(given["file"])
-        names = {joint["name"] for joint in self.joints}
         model = document.getroot().find("world/model")
-        children = set()
         for joint in model.findall("joint"):
-            child = joint.find("child").text
-            if child in children:
+            if joint.get("name") in given["cuts"]:
                 model.remove(joint)
-            children.add(child)
             for mimic in joint.findall("axis/mimic"):
                 joint.find("axis").remove(mimic)
         self.plant = MultibodyPlant(0.0)
@@ -266,28 +268,46 @@ class Drake:
             np.array([float(x) for x in gravity.split()])
         )
         self.plant.Finalize()
-        if any(joint["nv"] == 6 for joint in self.joints):
-            raise SystemExit("free joints have other names in Drake")
         self.context = self.plant.CreateDefaultContext()
-        assert names <= {joint for joint in names if self.plant.HasJointNamed(joint)}
+        self.start = np.array(self.plant.GetPositions(self.context))
+
+    @staticmethod
+    def pose(x):
+        """The pose of a quaternion w x y z and a translation."""
+        from pydrake.common.eigen_geometry import Quaternion
+        from pydrake.math import RigidTransform
+
+        return RigidTransform(Quaternion(x[:4] / np.linalg.norm(x[:4])), x[4:])
 
     def terms(self, q, v):
         plant, context = self.plant, self.context
-        S, _ = spread(self.joints, plant.num_velocities())
-        at = np.array(plant.GetPositions(context))
+        S, rate = spread(self.joints, plant.num_velocities())
+        at = self.start.copy()
         for joint in self.joints:
-            of = plant.GetJointByName(joint["name"])
-            x = q[joint["q"] : joint["q"] + joint["nq"]]
+            x, k = q[joint["q"] : joint["q"] + joint["nq"]], joint["v"]
             if joint["nv"] == 3:
                 raise SystemExit("ball joints have other coordinates in Drake")
-            at[of.position_start()] = x[0]
-            S[of.velocity_start(), joint["v"]] = 1
+            if joint["nv"] == 1:
+                of = plant.GetJointByName(joint["name"])
+                at[of.position_start()] = x[0]
+                S[of.velocity_start(), k] = 1
+                continue
+            # the pose of the body in the file, then ours
+            body = plant.GetBodyByName(joint["link"])
+            i, j = body.floating_positions_start(), body.floating_velocities_start_in_v()
+            start = self.pose(self.start[i : i + 7])
+            pose = start @ self.pose(np.concatenate([x[[6, 3, 4, 5]], x[:3]]))
+            turn = pose.rotation().ToQuaternion().wxyz()
+            at[i : i + 7] = np.concatenate([turn, pose.translation()])
+            R = pose.rotation().matrix()
+            S[j : j + 3, k : k + 3] = S[j + 3 : j + 6, k + 3 : k + 6] = R
+            rate[j + 3 : j + 6] = R @ np.cross(v[k : k + 3], v[k + 3 : k + 6])
         plant.SetPositions(context, at)
         plant.SetVelocities(context, S @ v)
         M = plant.CalcMassMatrix(context)
         forces = self.forces(plant)
         plant.CalcForceElementsContribution(context, forces)
-        h = plant.CalcInverseDynamics(context, np.zeros(plant.num_velocities()), forces)
+        h = plant.CalcInverseDynamics(context, rate, forces)
         return S.T @ M @ S, S.T @ h, None, None
 
     def accelerations(self, q, v, tau):
@@ -299,12 +319,12 @@ def size(x):
 
 
 def outside(K, k, rows, numbers):
-    """How far rows with their numbers are from combinations of K with k."""
+    """How far rows with their numbers are from combinations of K with k, by the size of K."""
     worst = 0.0
+    scale = size(K)
     for row, number in zip(rows, numbers):
         c = np.linalg.lstsq(K.T, row, rcond=1e-10)[0]
-        worst = max(worst, size(K.T @ c - row) / max(size(row), 1e-12),
-                    abs(c @ k - number) / max(size(k), size(row), 1e-12))
+        worst = max(worst, size(K.T @ c - row) / scale, abs(c @ k - number) / max(size(k), scale))
     return worst
 
 

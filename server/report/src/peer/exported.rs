@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use sarrus_dynamics::description::{Description, JointKind, Submechanism, SubmechanismKind};
-use sarrus_dynamics::{Compiled, Field, FieldSet, Model, Plan, Query, Request, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::program;
+use super::{BUILD, program};
 use crate::Outcome;
-use crate::robots::{Own, Robot, Subject, packed};
+use crate::robots::{Own, Planned, Robot, Subject};
 
 /// The program.
 const PROGRAM: &str = include_str!("exported.py");
@@ -21,7 +21,7 @@ const MISSING: i32 = 3;
 /// Random states.
 const STATES: usize = 8;
 
-/// What an engine makes of the files.
+/// The differences that an engine finds.
 #[derive(Clone, Debug, Serialize)]
 pub enum Deviation {
     /// It was not run, for this reason.
@@ -40,8 +40,8 @@ pub enum Deviation {
 /// The largest difference of a quantity on all states, by size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Difference {
-    /// `M`, `forces` (bias forces with springs and dampers), `loops` (rows of K and K̇ q̇, each as a
-    /// combination of the other side's), `accelerations` (by the engine's own solver).
+    /// `M`, `forces` (bias forces with springs and dampers), `loops` (rows of K and K̇ q̇, as
+    /// combinations of the other side's), `accelerations` (by the engine's own solver).
     pub quantity: String,
     /// The difference.
     pub difference: f64,
@@ -61,8 +61,17 @@ struct Found {
     rows: Vec<Difference>,
 }
 
+/// The interpreters that may have an engine's wheel: that of `SARRUS_PYTHON`, that of the built
+/// peers, `python3`.
+pub fn pythons() -> Vec<PathBuf> {
+    let named = std::env::var_os("SARRUS_PYTHON").map(PathBuf::from);
+    let built = program("venv/bin/python");
+    named.into_iter().chain(built).chain([PathBuf::from("python3")]).collect()
+}
+
 /// Compares a robot with its files as an engine (`MuJoCo`, `Pinocchio` or `Drake`) reads them, at
-/// random states; `held` is the robot with the cuts of the files.
+/// random states; `held` is the robot with the cuts of the files. The first of the interpreters
+/// that has the engine's wheel counts.
 ///
 /// # Errors
 /// A robot whose loops do not close at most states, or an output of the program that cannot be
@@ -72,19 +81,22 @@ pub fn deviation(
     held: &Description,
     engine: &str,
     file: &Path,
+    pythons: &[PathBuf],
 ) -> Outcome<Deviation> {
+    let parts = description.submechanisms.iter();
+    let cuts =
+        parts.flat_map(|part| part.loops.iter().map(|each| format!("{}/{}", part.name, each.name)));
     let input = json!({
         "engine": engine,
         "file": file,
         "joints": joints(description),
+        "cuts": cuts.collect::<Vec<_>>(),
         "states": states(description, held)?,
     })
     .to_string();
-    let named = std::env::var_os("SARRUS_PYTHON").map(PathBuf::from);
-    let built = program("venv/bin/python");
-    let mut why = String::new();
-    for python in named.into_iter().chain(built).chain([PathBuf::from("python3")]) {
-        let started = Command::new(&python)
+    let mut reasons = Vec::new();
+    for python in pythons {
+        let started = Command::new(python)
             .args(["-c", PROGRAM])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -93,7 +105,7 @@ pub fn deviation(
         let mut child = match started {
             Ok(child) => child,
             Err(error) => {
-                why = format!("{}: {error}", python.display());
+                reasons.push(format!("{}: {error}", python.display()));
                 continue;
             }
         };
@@ -108,14 +120,15 @@ pub fn deviation(
                 let Found { engine, why, rows } = serde_json::from_slice(&output.stdout)?;
                 return Ok(Deviation::Measured { engine, why, rows });
             }
-            Some(MISSING) => why = format!("{}: {words}", python.display()),
+            Some(MISSING) => reasons.push(format!("{}: {words}", python.display())),
             _ => {
-                let last = words.lines().last().unwrap_or_default().to_owned();
-                return Ok(Deviation::NotRun(last));
+                let late = words.lines().find(|line| line.starts_with("Timeout"));
+                let last = late.or(words.lines().last()).unwrap_or_default();
+                return Ok(Deviation::NotRun(last.to_owned()));
             }
         }
     }
-    Ok(Deviation::NotRun(why))
+    Ok(Deviation::NotRun(format!("{} ({BUILD} installs it)", reasons.join("; "))))
 }
 
 /// The joints in the order of q, with their places.
@@ -129,7 +142,9 @@ fn joints(of: &Description) -> Vec<Value> {
             JointKind::Floating => [7, 6],
             _ => [1, 1],
         };
-        all.push(json!({"name": joint.name, "q": q, "nq": nq, "v": v, "nv": nv}));
+        let link = of.links.get(joint.child).map(|link| &link.name);
+        let name = &joint.name;
+        all.push(json!({"name": name, "link": link, "q": q, "nq": nq, "v": v, "nv": nv}));
         q += nq;
         v += nv;
     }
@@ -139,30 +154,29 @@ fn joints(of: &Description) -> Vec<Value> {
 /// Random states with M, bias forces, K and k of the tree.
 fn states(description: &Description, held: &Description) -> Outcome<Vec<Value>> {
     let robot = Robot::load_some(Subject::Own(Own::new(description.clone())), STATES, |_| true)?;
-    let Some(variant) = robot.variants.first() else { return Err("no variant".into()) };
-    let model = &variant.compiled.model;
+    let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::QGuess]);
-    let mut closed = Asked::new(model, Request::Kinematics, given, &[Field::Q, Field::Qd])?;
-    // the rows of the robot as it is: those of the files must be combinations of them
-    let mut rows = match Model::compile(description) {
-        Ok(Compiled { model, .. }) => {
-            Asked::new(&model, Request::Kinematics, given, &[Field::K, Field::KBias])?
-        }
-        Err(error) => return Err(error.into()),
-    };
+    let closed = [Field::Q, Field::Qd, Field::K, Field::KBias];
+    let query = Query::new(Request::Kinematics, given, FieldSet::of(&closed));
+    let mut closed = Planned::new(model, Plan::new(model, &query)?, &robot.states, 0);
     let tree = Model::compile(&tree(held))?.model;
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
-    let mut terms = Asked::new(&tree, Request::InverseDynamics, given, &[Field::MY, Field::TauY])?;
+    let wanted = FieldSet::of(&[Field::MY, Field::TauY]);
+    let query = Query::new(Request::InverseDynamics, given, wanted);
+    let mut terms = Planned::new(&tree, Plan::new(&tree, &query)?, &[], 0);
     let mut all = Vec::new();
-    for (s, state) in robot.states.iter().enumerate() {
-        let input = packed(&closed.plan, state, 0);
-        let [q, qd] = closed.answer(&input)?;
-        let [k_rows, k] = rows.answer(&input)?;
-        let zeros = vec![0.0; qd.len()];
-        let [m, h] = terms.answer(&[&q[..], &qd, &zeros].concat())?;
-        let tau: Vec<f64> =
-            (0..qd.len()).map(|i| 10.0 * ((7 * i + 3 * s) as f64 * 0.61).sin()).collect();
-        all.push(json!({"q": q, "qd": qd, "tau": tau, "M": m, "h": h, "K": k_rows, "k": k}));
+    for s in 0..robot.states.len() {
+        closed.answer(s).ok()?;
+        let [q, qd] = [Field::Q, Field::Qd].map(|field| closed.get(field).to_vec());
+        let n = qd.len();
+        terms.inputs.push([&q[..], &qd, &vec![0.0; n]].concat());
+        terms.answer(s).ok()?;
+        let tau = (0..n).map(|i| 10.0 * ((7 * i + 3 * s) as f64 * 0.61).sin());
+        all.push(json!({
+            "q": q, "qd": qd, "tau": tau.collect::<Vec<_>>(),
+            "M": terms.get(Field::MY), "h": terms.get(Field::TauY),
+            "K": closed.get(Field::K), "k": closed.get(Field::KBias),
+        }));
     }
     Ok(all)
 }
@@ -184,35 +198,4 @@ fn tree(of: &Description) -> Description {
     }];
     tree.joints.iter_mut().for_each(|joint| joint.coupling = None);
     tree
-}
-
-/// A plan with its workspace.
-struct Asked<const N: usize> {
-    model: Model,
-    plan: Plan,
-    workspace: Workspace<f64>,
-    wanted: [Field; N],
-}
-
-impl<const N: usize> Asked<N> {
-    fn new(
-        model: &Model,
-        request: Request,
-        given: FieldSet,
-        wanted: &[Field; N],
-    ) -> Outcome<Asked<N>> {
-        let plan = Plan::new(model, &Query::new(request, given, FieldSet::of(wanted)))?;
-        let workspace = Workspace::for_plans(model, [&plan]);
-        Ok(Asked { model: model.clone(), plan, workspace, wanted: *wanted })
-    }
-
-    /// The wanted fields of a state that has an answer.
-    fn answer(&mut self, input: &[f64]) -> Outcome<[Vec<f64>; N]> {
-        let mut output = vec![0.0; self.plan.want().len()];
-        self.plan.run(&self.model, &mut self.workspace, input, &mut output).ok()?;
-        Ok(self.wanted.map(|field| {
-            let slot = self.plan.want().slot(field);
-            slot.map_or(Vec::new(), |slot| output[slot.range()].to_vec())
-        }))
-    }
 }
