@@ -10,7 +10,7 @@ use sarrus_dynamics::description::{Inertial, Joint, JointKind};
 
 use super::cuts::Tie;
 use super::urdf::escaped;
-use super::{Out, attribute, inertial, list};
+use super::{Out, attribute, inertial, is_single, list};
 use crate::inertia::principal;
 use crate::pose::{Pose, of_axes};
 use crate::report::quoted;
@@ -259,7 +259,7 @@ fn equalities(out: &Out<'_>, ties: &[Tie]) -> String {
 fn actuators(out: &mut Out<'_>) -> String {
     let mut text = String::new();
     for joint in out.robot.active() {
-        if matches!(joint.kind, JointKind::Spherical | JointKind::Floating) {
+        if !is_single(joint) {
             let found = format!("the motors of {}, of several freedoms", quoted(&joint.name));
             let help = "set qfrc_applied for it";
             out.note(Site::Robot, found, help);

@@ -19,7 +19,7 @@ mod yaml;
 use std::fmt::Write;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Loop, SubmechanismKind,
+    Cut, Description, Inertial, Joint, JointKind, Loop, SubmechanismKind, Terms,
 };
 use sarrus_dynamics::{CutJoint, Model, Site};
 
@@ -86,10 +86,22 @@ pub fn export(
         Target::Pinocchio => pinocchio::texts(&mut out, &ties),
         Target::Gepetto => gepetto::texts(&mut out, &ties),
     };
-    let held = if is_cut_as_written { loaded.description.clone() } else { out.as_held(&ties) };
+    let held = if is_cut_as_written { plain(out.robot.of) } else { out.as_held(&ties) };
     let failed = out.diagnostics.has_errors();
     let report = Report { robot: Some(name.to_owned()), ..out.diagnostics.into_report() };
     if failed { Err(LoadError::Faults(report)) } else { Ok(Exported { files, report, held }) }
+}
+
+/// The robot without the axes of joints that have none, and the limits and terms of fixed ones.
+fn plain(of: &Description) -> Description {
+    let mut plain = of.clone();
+    for joint in plain.joints.iter_mut().filter(|joint| !is_single(joint)) {
+        joint.axis = [1.0, 0.0, 0.0];
+        if joint.kind == JointKind::Fixed {
+            (joint.limits, joint.motor, joint.terms) = (None, None, Terms::default());
+        }
+    }
+    plain
 }
 
 /// A tree of links.
@@ -272,6 +284,11 @@ impl Out<'_> {
         }
         held
     }
+}
+
+/// Whether a joint has one axis.
+fn is_single(joint: &Joint) -> bool {
+    matches!(joint.kind, JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic)
 }
 
 /// Whether a joint has a spring, a damper or a rotor.

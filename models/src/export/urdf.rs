@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Placement};
 
-use super::{attribute, list};
+use super::{attribute, is_single, list};
 use crate::rewrite::number;
 
 /// A limit that other readers of URDF take for none.
@@ -33,40 +33,22 @@ fn origin(at: Placement) -> String {
 /// The URDF of this project, which reads each number again as it is.
 pub(super) fn text(of: &Description) -> String {
     // version 1.2 can leave a limit out
-    written(of, &[], "1.2", &|joint| match joint.kind {
-        JointKind::Fixed => "fixed",
-        JointKind::Revolute => "revolute",
-        JointKind::Continuous => "continuous",
-        JointKind::Prismatic => "prismatic",
-        JointKind::Spherical => "spherical",
-        _ => "floating",
-    })
+    written(of, &[], "1.2")
 }
 
 /// A URDF for readers that know version 1.0 alone and no ball joints: those are turns about x.
 pub(super) fn plain(of: &Description, frames: &[Frame<'_>]) -> String {
-    written(of, frames, "1.0", &|joint| match joint.kind {
-        JointKind::Fixed => "fixed",
-        JointKind::Revolute => "revolute",
-        JointKind::Prismatic => "prismatic",
-        JointKind::Floating => "floating",
-        _ => "continuous",
-    })
+    written(of, frames, "1.0")
 }
 
-fn written(
-    of: &Description,
-    frames: &[Frame<'_>],
-    version: &str,
-    kind: &dyn Fn(&Joint) -> &'static str,
-) -> String {
+fn written(of: &Description, frames: &[Frame<'_>], version: &str) -> String {
     let is_ours = version != "1.0";
     let mut text = format!("<robot name=\"{}\" version=\"{version}\">\n", escaped(&of.name));
     for of in &of.links {
         text += &link(&of.name, of.inertial);
     }
     for joint in &of.joints {
-        text += &of_joint(of, joint, kind(joint), is_ours);
+        text += &of_joint(of, joint, is_ours);
     }
     for frame in frames {
         text += &link(&frame.name, None);
@@ -103,13 +85,20 @@ fn ends(parent: &str, child: &str) -> String {
     format!("<parent link=\"{}\"/><child link=\"{}\"/>", escaped(parent), escaped(child))
 }
 
-fn of_joint(of: &Description, joint: &Joint, kind: &str, is_ours: bool) -> String {
+fn of_joint(of: &Description, joint: &Joint, is_ours: bool) -> String {
+    let kind = match joint.kind {
+        JointKind::Fixed => "fixed",
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+        JointKind::Floating => "floating",
+        JointKind::Spherical if is_ours => "spherical",
+        _ => "continuous",
+    };
     let [parent, child] = [joint.parent, joint.child].map(|link| &of.links[link].name);
     let mut text = format!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name));
     text += &ends(parent, child);
     text += &origin(joint.origin);
-    let is_single =
-        matches!(joint.kind, JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic);
+    let is_single = is_single(joint);
     if is_single {
         let _ = write!(text, "<axis xyz=\"{}\"/>", list(&joint.axis));
     }

@@ -6,8 +6,8 @@ use std::path::Path;
 use sarrus_dynamics::description::{Description, Submechanism, SubmechanismKind};
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{
-    Exported, LoadError, Loaded, Options, Source, Target, bundled, bundled_text, export, import,
-    load,
+    Base, Exported, LoadError, Loaded, Options, Source, Target, bundled, bundled_text, export,
+    import, load,
 };
 
 /// Largest difference, relative to the largest number of a quantity.
@@ -40,6 +40,18 @@ fn every_bundled_robot_is_the_same_after_writing_our_own_files() {
         let written = exported(&loaded, Target::Urdf);
         assert_eq!(again(&written).description, loaded.description, "{name}");
     }
+}
+
+#[test]
+fn a_scene_is_the_same_after_writing_our_own_files() {
+    let lock = ["Head*", "Body*", "ALElbow"].map(|lock| lock.parse().unwrap()).to_vec();
+    let options = Options { lock, base: Base::of_flag(Some("")), ..Options::default() };
+    let loaded = load(&Source::Bundled("rh5v2_full".to_owned()), &options).unwrap();
+    let written = exported(&loaded, Target::Urdf);
+    let read = again(&written);
+    assert_eq!(read.description, written.held);
+    let [read, own] = [read, loaded].map(|of| of.compiled.model.tree_names().to_vec());
+    assert_eq!(read, own);
 }
 
 /// The robot as a tree: all joints independent, no loops and couplings.

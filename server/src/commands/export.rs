@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use sarrus_client::Options;
-use sarrus_models::{Exported, Loaded, Source, Target, export, load};
+use sarrus_dynamics::description::Description;
+use sarrus_models::{Exported, Source, Target, export, load};
 use sarrus_report::peer::exported::{Deviation, Difference, deviation, pythons};
 use serde::Serialize;
 
@@ -70,7 +71,7 @@ impl Export {
             Target::Pinocchio => with("Pinocchio", file("py"))?,
             Target::Gepetto => with("Pinocchio", file("yaml"))?,
             Target::Sdf => with("Drake", file("sdf"))?,
-            Target::Urdf => again(&files, &loaded, &options)?,
+            Target::Urdf => again(&files, &held, &options)?,
         };
         let is_finding = matches!(&deviation, Deviation::Measured { rows, .. }
             if rows.iter().any(|row| row.is_finding()));
@@ -81,13 +82,13 @@ impl Export {
 }
 
 /// The written files of our own, read again.
-fn again(files: &[PathBuf], robot: &Loaded, options: &Options) -> Result<Deviation, Failure> {
+fn again(files: &[PathBuf], held: &Description, options: &Options) -> Result<Deviation, Failure> {
     let [urdf, submechanisms] = files else { return Err(Failure::start("two files")) };
     let source = Source::Files { urdf: urdf.clone(), submechanisms: Some(submechanisms.clone()) };
     // the files hold the base and the parts that are left
     let options = Options { gravity: options.gravity, ..Options::default() };
     let read = load(&source, &options)?;
-    let [written, own] = [&read, robot].map(|of| of.compiled.model.fingerprint());
+    let [written, own] = [&read.description, held].map(Description::fingerprint);
     let rows = vec![Difference {
         quantity: "fingerprint".to_owned(),
         difference: if written == own { 0.0 } else { f64::INFINITY },

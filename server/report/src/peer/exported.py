@@ -239,7 +239,7 @@ class Pinocchio:
 
 
 class Drake:
-    """A file of SDF without the joints that close loops, which Drake does not read."""
+    """A file of SDF. Drake reads no joints that close loops: their rows are its Jacobians."""
 
     def __init__(self, given):
         import xml.etree.ElementTree as xml
@@ -250,13 +250,15 @@ class Drake:
         from pydrake.multibody.tree import MultibodyForces
 
         self.forces = MultibodyForces
-        self.name = f"Drake {version('drake')}, loops left out"
+        self.name = f"Drake {version('drake')}, loops by its Jacobians"
         self.joints = given["joints"]
         document = xml.parse(given["file"])
         model = document.getroot().find("world/model")
+        cuts = given["cuts"]
+        self.loops = [joint for joint in model.findall("joint") if joint.get("name") in cuts]
+        for joint in self.loops:
+            model.remove(joint)
         for joint in model.findall("joint"):
-            if joint.get("name") in given["cuts"]:
-                model.remove(joint)
             for mimic in joint.findall("axis/mimic"):
                 joint.find("axis").remove(mimic)
         self.plant = MultibodyPlant(0.0)
@@ -270,6 +272,47 @@ class Drake:
         self.plant.Finalize()
         self.context = self.plant.CreateDefaultContext()
         self.start = np.array(self.plant.GetPositions(self.context))
+        self.loops = [self.loop(joint) for joint in self.loops]
+
+    def loop(self, joint):
+        """Both links of a joint, its frame in them, and the directions that it holds."""
+        from pydrake.math import RigidTransform, RollPitchYaw
+
+        parent, child = (
+            self.plant.GetFrameByName(joint.find(name).text) for name in ("parent", "child")
+        )
+
+        def numbers(path, default):
+            return np.array([float(x) for x in joint.findtext(path, default).split()])
+
+        x = numbers("pose", "0 0 0 0 0 0")
+        on_child = RigidTransform(RollPitchYaw(x[3:]), x[:3])
+        on_parent = child.CalcPose(self.context, parent) @ on_child
+        axis = numbers("axis/xyz", "0 0 1")
+        across = np.linalg.svd(axis.reshape(1, 3))[2][1:]
+        whole, none = np.eye(3), np.zeros((0, 3))
+        held = {
+            "ball": (whole, none),
+            "fixed": (whole, whole),
+            "revolute": (whole, across),
+            "prismatic": (across, whole),
+        }.get(joint.get("type"))
+        if held is None:
+            raise SystemExit(f"another program reads the loop {joint.get('name')}")
+        return parent, child, on_parent.rotation().matrix(), on_child.translation(), held
+
+    def rows(self):
+        """K and K̇q̇ of the loops in the axes of the joint in the parent."""
+        from pydrake.multibody.tree import JacobianWrtVariable
+
+        plant, context, v = self.plant, self.context, JacobianWrtVariable.kV
+        K, bias = [np.zeros((0, plant.num_velocities()))], [np.zeros(0)]
+        for parent, child, R, point, (linear, angular) in self.loops:
+            J = plant.CalcJacobianSpatialVelocity(context, v, child, point, parent, parent)
+            b = plant.CalcBiasSpatialAcceleration(context, v, child, point, parent, parent)
+            K += [linear @ R.T @ J[3:], angular @ R.T @ J[:3]]
+            bias += [linear @ R.T @ b.translational(), angular @ R.T @ b.rotational()]
+        return np.vstack(K), np.concatenate(bias)
 
     @staticmethod
     def pose(x):
@@ -308,7 +351,8 @@ class Drake:
         forces = self.forces(plant)
         plant.CalcForceElementsContribution(context, forces)
         h = plant.CalcInverseDynamics(context, rate, forces)
-        return S.T @ M @ S, S.T @ h, None, None
+        K, bias = self.rows()
+        return S.T @ M @ S, S.T @ h, K @ S, -(bias + K @ rate)
 
     def accelerations(self, q, v, tau):
         return None
@@ -358,9 +402,9 @@ def main():
         their_M, their_h, their_K, their_k = engine.terms(q, v)
         note("M", size(their_M - M) / size(M))
         note("forces", size(their_h - h) / max(size(h), 1e-9))
-        if their_K is not None:
-            note("loops", outside(their_K, their_k, K, k) if len(K) else 0.0)
-            note("loops", outside(K, k, their_K, their_k) if len(their_K) else 0.0)
+        if len(K) or len(their_K):
+            note("loops", outside(their_K, their_k, K, k))
+            note("loops", outside(K, k, their_K, their_k))
         a = engine.accelerations(q, v, tau)
         if a is not None:
             exact = solved(M, h, K, k, tau)
