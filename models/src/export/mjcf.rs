@@ -107,9 +107,18 @@ impl Bodies<'_, '_> {
         let found = inertial(&self.out.robot, link);
         let none = Inertial { origin: Default::default(), mass: 0.0, inertia: [0.0; 6] };
         if found.is_some() || moving.is_some() {
-            let (text, is_light) = mass(found.unwrap_or(none), moving.is_some());
-            self.text += &format!("{indent}  {text}\n");
-            self.light += usize::from(is_light);
+            let of = found.unwrap_or(none);
+            let moments = moments(&of, moving.is_some());
+            self.text += &format!("{indent}  {}\n", mass(&of, moments, moving.is_some()));
+            let exact = principal(&of.inertia).0;
+            let is_light = of.mass < LEAST || exact.iter().any(|x| *x < LEAST);
+            self.light += usize::from(moving.is_some() && is_light);
+            let gap = exact.iter().zip(moments).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+            if gap > 1e-12 * exact.iter().fold(LEAST, |most, x| most.max(*x)) && !is_light {
+                let found = format!("the inertia of {} is that of no body", quoted(&name));
+                let help = "its largest moment is the sum of the others there";
+                self.out.note(Site::Link(link), found, help);
+            }
         }
         self.sites(link, depth + 1);
         self.below(link, depth + 1);
@@ -132,8 +141,7 @@ impl Bodies<'_, '_> {
 /// The names of the two sites of a cut.
 fn site_names(tie: &Tie) -> [String; 2] {
     let name = escaped(&tie.name);
-    // cuts of two submechanisms may have one name
-    ["predecessor", "successor"].map(|end| format!("{name}/{}/{end}", tie.of.0 + 1))
+    ["predecessor", "successor"].map(|end| format!("{name}/{end}"))
 }
 
 /// `pos` and `quat` of a pose that is not that of the parent.
@@ -164,7 +172,7 @@ fn of_joint(joint: &Joint) -> String {
             if limits.lower.is_finite() || limits.upper.is_finite() {
                 attribute(&mut text, "range", &list(&range));
             }
-            if limits.effort.is_finite() {
+            if limits.effort.is_finite() && limits.effort > 0.0 {
                 let range = [-limits.effort, limits.effort];
                 attribute(&mut text, "actuatorfrcrange", &list(&range));
             }
@@ -187,26 +195,25 @@ fn of_joint(joint: &Joint) -> String {
     text + "/>"
 }
 
-/// The inertia about its principal axes, which MuJoCo takes as they are, and whether the body has
-/// none but must have one.
-fn mass(of: Inertial, moves: bool) -> (String, bool) {
-    let Pose { p, r } = Pose::of(&of.origin);
-    let (moments, axes) = principal(&of.inertia);
-    let turn = of_axes(axes[0], axes[1]).unwrap_or(Pose::NONE.r);
-    let [mut a, mut b, mut c] = moments;
-    let is_light = moves && (of.mass < LEAST || moments.iter().any(|x| *x < LEAST));
-    if moves {
-        [a, b, c] = [a, b, c].map(|x| x.max(LEAST));
-    }
-    // on the bound of the triangle inequality, rounding may be on its other side
-    [a, b, c] = [a.min(b + c), b.min(a + c), c.min(a + b)];
-    let mass = if moves { of.mass.max(LEAST) } else { of.mass };
+/// Principal moments that MuJoCo takes: the sum of two is at least the third, where rounding may be
+/// on the other side.
+fn moments(of: &Inertial, moves: bool) -> [f64; 3] {
+    let least = if moves { LEAST } else { 0.0 };
+    let [a, b, c] = principal(&of.inertia).0.map(|x| x.max(least));
+    [a.min(b + c), b.min(a + c), c.min(a + b)]
+}
+
+/// The inertia about its principal axes, which MuJoCo takes as they are.
+fn mass(of: &Inertial, moments: [f64; 3], moves: bool) -> String {
+    let at = Pose::of(&of.origin);
+    let axes = principal(&of.inertia).1;
+    let r = of_axes(axes[0], axes[1]).unwrap_or(Pose::NONE.r);
     // `pos` is required
-    let mut text = format!("<inertial pos=\"{}\"", list(&p));
-    text += &placed(Pose { p: [0.0; 3], r: Pose { p, r }.then(Pose { p: [0.0; 3], r: turn }).r });
-    attribute(&mut text, "mass", &number(mass));
-    attribute(&mut text, "diaginertia", &list(&[a, b, c]));
-    (text + "/>", is_light)
+    let mut text = format!("<inertial pos=\"{}\"", list(&at.p));
+    text += &placed(Pose { p: [0.0; 3], r: at.then(Pose { p: [0.0; 3], r }).r });
+    attribute(&mut text, "mass", &number(if moves { of.mass.max(LEAST) } else { of.mass }));
+    attribute(&mut text, "diaginertia", &list(&moments));
+    text + "/>"
 }
 
 /// Couplings to several joints are lengths of tendons.

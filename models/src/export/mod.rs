@@ -244,7 +244,12 @@ impl Out<'_> {
                     let help = "write the joint of the cut into the tree, and cut a body by a weld";
                     self.lost(Site::Loop(s, l), found, expected, help);
                 }
-                ties.extend(found);
+                for mut tie in found {
+                    while ties.iter().any(|other: &Tie| other.name == tie.name) {
+                        tie.name.push('_');
+                    }
+                    ties.push(tie);
+                }
             }
         }
         // a third row is harmless where the loop is planar

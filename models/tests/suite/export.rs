@@ -259,7 +259,15 @@ fn motors_are_written_to_our_own_files_and_named_where_a_format_has_none() {
     assert!(notes.contains(&"the motor of `ElbowAct` has limits over its speed"), "{notes:?}");
     let read = imported(file(&written, ".xml"));
     same("motor", &loaded.description, &written.held, &read.description);
+    // MuJoCo refuses an inertia that breaks the triangle inequality by a rounding
+    let loaded = lambda("", ["ixx=\"0.014\"", "ixx=\"0.0140000001\""]);
+    let written = exported(&loaded, Target::Mjcf);
+    let text = String::from_utf8(file(&written, ".xml")).unwrap();
+    assert!(text.contains("diaginertia=\"0.013999999999999999 0.001 0.013\""), "{text}");
+    let notes = &written.report.notes;
+    assert!(notes.iter().any(|of| of.found.contains("`Elbow_Link` is that of no body")));
     // SDF has no rotor: an error, or a warning
+    let loaded = lambda(motor, ["", ""]);
     let refused = export(&loaded, Target::Sdf, "robot", false);
     let Err(LoadError::Faults(report)) = refused else { panic!("written") };
     assert!(report.errors[0].found.contains("the rotor of `ElbowAct`"), "{report}");
