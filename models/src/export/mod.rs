@@ -21,7 +21,7 @@ use std::fmt::Write;
 use sarrus_dynamics::description::{
     Cut, Description, Inertial, Joint, JointKind, Loop, SubmechanismKind, Terms,
 };
-use sarrus_dynamics::{CutJoint, Model, Site};
+use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
 use crate::error::LoadError;
 use crate::load::Loaded;
@@ -72,7 +72,14 @@ pub fn export(
     for file in &loaded.files {
         diagnostics.add_file(file);
     }
-    let mut out = Out { loaded, diagnostics, name, robot: Robot::new(&loaded.description) };
+    let mut of = loaded.description.clone();
+    if target != Target::Urdf {
+        // a type may define its loops
+        for (s, part) in of.submechanisms.iter_mut().enumerate() {
+            part.loops = loops_of(&loaded.description, s);
+        }
+    }
+    let mut out = Out { loaded, diagnostics, name, robot: Robot::new(&of) };
     out.check(target);
     let is_cut_as_written = matches!(target, Target::Urdf | Target::Sdf);
     let ties = if is_cut_as_written { Vec::new() } else { out.ties() };
@@ -80,8 +87,7 @@ pub fn export(
         Target::Mjcf => vec![(".xml", mjcf::text(&mut out, &ties))],
         Target::Sdf => vec![(".sdf", sdf::text(&mut out))],
         Target::Urdf => {
-            let description = &loaded.description;
-            vec![(".urdf", urdf::text(description)), (".yml", yaml::text(description))]
+            vec![(".urdf", urdf::text(&of)), (".yml", yaml::text(&of))]
         }
         Target::Pinocchio => pinocchio::texts(&mut out, &ties),
         Target::Gepetto => gepetto::texts(&mut out, &ties),

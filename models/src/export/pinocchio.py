@@ -1,10 +1,4 @@
 
-
-import pathlib
-
-import numpy as np
-import pinocchio as pin
-
 # of `constraintDynamics`: redundant rows are harmless, and accelerations exact to 1e-14 where the
 # rows are well conditioned
 SETTINGS = pin.ProximalSettings(1e-14, 1e-8, 2)

@@ -276,6 +276,20 @@ fn motors_are_written_to_our_own_files_and_named_where_a_format_has_none() {
 }
 
 #[test]
+fn loops_that_a_type_defines_are_written() {
+    let (urdf, submechanisms) = bundled_text("lambda").unwrap();
+    let alone = submechanisms.split("  loop_constraints:").next().unwrap();
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(alone.into()) };
+    let loaded = load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    assert!(loaded.description.submechanisms[0].loops.is_empty());
+    let written = exported(&loaded, Target::Mjcf);
+    let read = imported(file(&written, ".xml"));
+    same("lambda", &loaded.description, &written.held, &read.description);
+    assert_eq!(written.held.submechanisms[0].loops.len(), 1);
+    assert_eq!(again(&exported(&loaded, Target::Urdf)).description, loaded.description);
+}
+
+#[test]
 fn cuts_that_a_format_lacks_are_refused_by_name() {
     let (urdf, submechanisms) = bundled_text("five_bar").unwrap();
     // a cut that holds a point on a line lets the loop leave its plane where a joint does

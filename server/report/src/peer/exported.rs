@@ -83,7 +83,7 @@ pub fn deviation(
     file: &Path,
     pythons: &[PathBuf],
 ) -> Outcome<Deviation> {
-    let parts = description.submechanisms.iter();
+    let parts = held.submechanisms.iter();
     let cuts =
         parts.flat_map(|part| part.loops.iter().map(|each| format!("{}/{}", part.name, each.name)));
     let input = json!({
