@@ -138,7 +138,7 @@ fn of_difference(of: Difference, why: &str) -> Row {
         ours_ns: None,
         softness: 0.0,
         why: match is_soft {
-            _ if is_finding => "more than rounding: other files?".to_owned(),
+            _ if is_finding => "more than its setting explains".to_owned(),
             true => why.to_owned(),
             false => "rounding".to_owned(),
         },
