@@ -51,7 +51,7 @@ impl Difference {
     /// Whether it is more than rounding; accelerations by the engine's solver need one right digit.
     pub fn is_finding(&self) -> bool {
         let most = if self.quantity == "accelerations" { 1.0 } else { 1e-9 };
-        !(self.difference <= most)
+        self.difference.is_nan() || self.difference > most
     }
 }
 
