@@ -279,7 +279,7 @@ fn actuators(out: &mut Out<'_>) -> String {
         }
         text += "/>\n";
     }
-    if out.robot.of.joints.iter().any(|joint| has_limit(joint)) {
+    if out.robot.of.joints.iter().any(has_limit) {
         let found = "MJCF has no limits of speeds".to_owned();
         out.note(Site::Robot, found, "they are left out");
     }
