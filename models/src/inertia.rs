@@ -29,11 +29,19 @@ pub(crate) fn check(inertia: &[f64; 6]) -> Result<(), InertiaFault> {
     Ok(())
 }
 
-/// Eigenvalues in ascending order, by cyclic Jacobi rotations: unlike the cubic's closed form
-/// accurate to rounding.
+/// Eigenvalues in ascending order.
 pub(crate) fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
+    let mut moments = principal(inertia).0;
+    moments.sort_by(f64::total_cmp);
+    moments
+}
+
+/// Eigenvalues and their directions, by cyclic Jacobi rotations: unlike the cubic's closed form
+/// accurate to rounding. A diagonal inertia keeps its axes.
+pub(crate) fn principal(inertia: &[f64; 6]) -> ([f64; 3], [[f64; 3]; 3]) {
     let [xx, xy, xz, yy, yz, zz] = *inertia;
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for _ in 0..30 {
         for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
             if a[p][q] == 0.0 {
@@ -51,11 +59,13 @@ pub(crate) fn principal_moments(inertia: &[f64; 6]) -> [f64; 3] {
             (a[r][p], a[r][q]) = (c * rp - s * rq, s * rp + c * rq);
             (a[p][r], a[q][r]) = (a[r][p], a[r][q]);
             (a[p][q], a[q][p]) = (0.0, 0.0);
+            for k in 0..3 {
+                (axes[p][k], axes[q][k]) =
+                    (c * axes[p][k] - s * axes[q][k], s * axes[p][k] + c * axes[q][k]);
+            }
         }
     }
-    let mut moments = [a[0][0], a[1][1], a[2][2]];
-    moments.sort_by(f64::total_cmp);
-    moments
+    ([a[0][0], a[1][1], a[2][2]], axes)
 }
 
 #[cfg(test)]

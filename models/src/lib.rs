@@ -1,5 +1,6 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops, or MJCF for both. Contains sixteen bundled robots.
+//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains sixteen
+//! bundled robots.
 //!
 //! ```
 //! use sarrus_models::{Options, Source, load, texts};
@@ -72,6 +73,7 @@ mod contents;
 mod cut;
 mod dimensions;
 mod error;
+mod export;
 mod import;
 mod inertia;
 mod load;
@@ -80,6 +82,7 @@ mod names;
 mod number;
 mod open;
 mod pattern;
+mod pose;
 mod report;
 mod rewrite;
 mod rotation;
@@ -101,6 +104,7 @@ pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use dimensions::{Density, Dimensions, Length, Range};
 pub use error::LoadError;
+pub use export::{Exported, Target, export};
 pub use import::{Imported, import};
 pub use load::{Loaded, Options};
 pub use names::{nearest, nearest_first};

@@ -89,6 +89,15 @@ enum Command {
     /// 0 when all was written, 1 for faulty files and parts that cannot be expressed (--lenient: a
     /// warning), 2 for wrong flags and files that cannot be opened or written.
     Import(commands::import::Import),
+    /// Write a robot for another program: MJCF, SDF, Pinocchio, Gepetto's tools, or our own files.
+    ///
+    /// Prints the files, and how far they are from the robot as an engine reads them: MuJoCo for
+    /// mjcf, Pinocchio for pinocchio and gepetto, Drake for sdf, each from Python where its wheel
+    /// is installed, else "not run". Ends with 0 when all was written, 1 for a bad robot, parts
+    /// that the format cannot express (--lenient: a warning) and a difference beyond rounding, 2
+    /// for wrong flags and files that cannot be written.
+    #[cfg(feature = "report")]
+    Export(commands::export::Export),
     /// Print the completions of commands, flags and values for a shell.
     ///
     /// For bash: `sarrus completions bash > ~/.local/share/bash-completion/completions/sarrus`.
@@ -184,6 +193,8 @@ pub fn run() -> ExitCode {
         Command::Tidy(command) => conclude("tidy", command.run()),
         Command::Robots(command) => conclude("robots", command.run()),
         Command::Import(command) => conclude("import", command.run()),
+        #[cfg(feature = "report")]
+        Command::Export(command) => conclude("export", command.run()),
         Command::Completions(command) => conclude("completions", command.run(Arguments::command())),
         Command::Man(command) => conclude("man", command.run(Arguments::command())),
         #[cfg(feature = "report")]

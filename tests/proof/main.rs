@@ -26,6 +26,7 @@ mod documents;
 mod duals;
 mod energy;
 mod examples;
+mod exported;
 mod failures;
 mod forward;
 mod generated;

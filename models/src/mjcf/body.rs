@@ -9,8 +9,8 @@ use super::document::Element;
 use super::geom::{self, Part};
 use super::item::{Classes, Item};
 use super::mesh::Meshes;
-use super::pose::{Pose, unit};
 use crate::inertia::principal_moments;
+use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::rotated;
 

@@ -1,8 +1,8 @@
 //! `<compiler>` and `<option>`: the settings that change numbers.
 
+use super::angles::Angles;
 use super::document::Element;
 use super::item::Item;
-use super::pose::Angles;
 use crate::report::{Diagnostics, quoted};
 
 /// Which bodies take their inertia from geoms.

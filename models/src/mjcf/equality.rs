@@ -6,7 +6,7 @@ use super::body::Tree;
 use super::document::Element;
 use super::drive::Tendon;
 use super::item::{Classes, Item};
-use super::pose::{Pose, unit};
+use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 
 /// A cut between two bodies.

@@ -3,8 +3,8 @@
 use super::compiler::Compiler;
 use super::item::Item;
 use super::mesh::Meshes;
-use super::pose::{Pose, from_z, minus, plus};
 use super::solid::{Tensor, capsule, cuboid, cylinder, ellipsoid, of_point, sphere, turned};
+use crate::pose::{Pose, from_z, minus, plus};
 use crate::report::{Diagnostics, quoted};
 use crate::rotation::dot;
 

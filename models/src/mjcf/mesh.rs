@@ -6,8 +6,8 @@ use std::path::Path;
 use super::compiler::Compiler;
 use super::document::{Element, Files};
 use super::item::{Classes, Item};
-use super::pose::{Pose, minus, plus, unit};
 use super::solid::{Solid, of_point};
+use crate::pose::{Pose, minus, plus, unit};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::{cross, dot, rotated};
 

@@ -4,6 +4,7 @@
 //! coordinate of a joint is its `ref`. Each element is read, or reported: by a note where it has no
 //! influence on the dynamics, and by an error where it has one that cannot be expressed.
 
+mod angles;
 mod body;
 mod compiler;
 mod document;
@@ -12,7 +13,6 @@ mod equality;
 mod geom;
 mod item;
 mod mesh;
-mod pose;
 mod solid;
 mod unread;
 mod write;
@@ -25,8 +25,9 @@ use document::{Element, Files};
 use equality::Equalities;
 use item::{Classes, Item};
 use mesh::Meshes;
-use pose::{Pose, unit};
 
+use crate::export;
+use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, quoted};
 
 /// A converted model.
@@ -110,9 +111,10 @@ pub(crate) fn convert(
         let help = "each independent joint of one freedom is active";
         diagnostics.note(root.span, found, help);
     }
+    let description = write::description(&robot, &tree, &cuts);
     (!diagnostics.has_errors()).then(|| Converted {
-        urdf: write::urdf(&robot, &tree),
-        submechanisms: write::submechanisms(&robot, &tree, &cuts),
+        urdf: export::urdf(&description),
+        submechanisms: export::submechanisms(&description),
         name: robot,
         pose,
         is_driven,

@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use super::pose::Pose;
+use crate::pose::Pose;
 
 /// Symmetric matrices are xx, xy, xz, yy, yz, zz.
 pub(super) type Tensor = [f64; 6];

@@ -1,179 +1,144 @@
-//! The tree and the cuts of a model as a URDF and a submechanism file.
+//! The tree and the cuts of a model as a description, still without independent joints.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 
-use sarrus_dynamics::description::{Inertial, Placement};
+use sarrus_dynamics::CutJoint;
+use sarrus_dynamics::description::{
+    Coupling, Cut as Place, Description, Inertial, Joint as Written, JointKind, Limits, Link, Loop,
+    Submechanism, SubmechanismKind, Terms,
+};
 
 use super::body::{Joint, Kind, Tree};
 use super::equality::Cut;
-use super::pose::{Pose, minus};
-use crate::rewrite::number;
-use crate::suggest::word;
+use crate::pose::{Pose, minus};
 
-/// A text as an attribute's value.
-fn escaped(text: &str) -> String {
-    let pairs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;")];
-    pairs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
+/// Links and joints in the order of the file, each joint of the model with its index there.
+struct Writer<'t> {
+    tree: &'t Tree,
+    links: Vec<Link>,
+    joints: Vec<Written>,
+    /// The link of each body.
+    bodies: Vec<usize>,
 }
 
-fn list<const N: usize>(of: [f64; N], between: &str) -> String {
-    // no negative zeros
-    of.map(|x| number(x + 0.0)).join(between)
-}
-
-fn origin(at: Placement) -> String {
-    if at == Placement::default() {
-        return String::new();
-    }
-    format!("<origin xyz=\"{}\" rpy=\"{}\"/>", list(at.xyz, " "), list(at.rpy, " "))
-}
-
-/// The URDF.
-pub(super) fn urdf(name: &str, tree: &Tree) -> String {
-    let mut text = format!("<robot name=\"{}\" version=\"1.2\">\n", escaped(name));
-    let mut joints = String::new();
-    let mut transmissions = String::new();
-    for (b, body) in tree.bodies.iter().enumerate() {
-        if b == 0 {
-            text += "  <link name=\"world\"/>\n";
-            continue;
-        }
-        // each joint leads to a link of its own, the last one to the body where its anchor is the
-        // body's origin
-        let mut parent = tree.bodies.get(body.parent).map_or("", |of| of.name.as_str()).to_owned();
-        let mut at = body.pose;
-        for joint in body.joints.iter().filter_map(|j| tree.joints.get(*j)) {
-            let is_last = body.joints.last().and_then(|j| tree.joints.get(*j)).map(|of| &of.name)
-                == Some(&joint.name);
-            let is_body = is_last && joint.pos == [0.0; 3];
-            let child =
-                if is_body { body.name.clone() } else { format!("{}/{}", body.name, joint.name) };
-            let place = at.then(Pose::at(joint.pos));
-            joints += &of_joint(joint, place, &parent, &child);
-            transmissions += &transmission(joint);
-            if !is_body {
-                text += &link(&child, None);
-            }
-            parent = child;
-            at = Pose::at(minus([0.0; 3], joint.pos));
-        }
-        if parent != body.name {
-            let name = escaped(&format!("{}/frame", body.name));
-            joints += &format!("  <joint name=\"{name}\" type=\"fixed\">");
-            joints += &ends(&parent, &body.name);
-            joints += &format!("{}</joint>\n", origin(at.placement()));
-        }
-        text += &link(&body.name, body.inertial);
-    }
-    text + &joints + &transmissions + "</robot>\n"
-}
-
-fn link(name: &str, inertial: Option<Inertial>) -> String {
-    let Some(Inertial { origin: at, mass, inertia }) = inertial else {
-        return format!("  <link name=\"{}\"/>\n", escaped(name));
-    };
-    let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
-    let moments: String = names
+/// The robot.
+pub(super) fn description(name: &str, tree: &Tree, cuts: &[Cut]) -> Description {
+    let mut of = Writer { tree, links: Vec::new(), joints: Vec::new(), bodies: Vec::new() };
+    of.bodies();
+    let places: Vec<usize> = tree
+        .joints
         .iter()
-        .zip(inertia)
-        .map(|(name, value)| format!(" {name}=\"{}\"", number(value + 0.0)))
+        .map(|joint| of.joints.iter().position(|of| of.name == joint.name).unwrap_or(0))
         .collect();
-    format!(
-        "  <link name=\"{}\">\n    <inertial>{}<mass value=\"{}\"/>\n      <inertia{moments}/>\
-         </inertial>\n  </link>\n",
-        escaped(name),
-        origin(at),
-        number(mass)
-    )
+    for (joint, at) in tree.joints.iter().zip(&places) {
+        let Some((terms, offset)) = joint.coupling.as_ref().filter(|_| joint.is_single()) else {
+            continue;
+        };
+        let master = |name: &String| tree.joint(name).and_then(|j| places.get(j).copied());
+        let terms = terms.iter().filter_map(|(name, factor)| Some((master(name)?, *factor)));
+        let coupling = Coupling { terms: terms.collect(), offset: *offset };
+        if let Some(written) = of.joints.get_mut(*at) {
+            written.coupling = Some(coupling);
+        }
+    }
+    let submechanisms = submechanisms(name, &of, &places, cuts);
+    Description {
+        name: name.to_owned(),
+        links: of.links,
+        joints: of.joints,
+        submechanisms,
+        gravity: [0.0; 3],
+        zero_pose: Vec::new(),
+    }
 }
 
-fn ends(parent: &str, child: &str) -> String {
-    format!("<parent link=\"{}\"/><child link=\"{}\"/>", escaped(parent), escaped(child))
+impl Writer<'_> {
+    fn link(&mut self, name: &str, inertial: Option<Inertial>) -> usize {
+        self.links.push(Link { name: name.to_owned(), inertial });
+        self.links.len() - 1
+    }
+
+    fn bodies(&mut self) {
+        let tree = self.tree;
+        for (b, body) in tree.bodies.iter().enumerate() {
+            if b == 0 {
+                let world = self.link("world", None);
+                self.bodies.push(world);
+                continue;
+            }
+            // each joint leads to a link of its own, the last one to the body where its anchor is
+            // the body's origin
+            let mut parent = self.bodies.get(body.parent).copied().unwrap_or(0);
+            let mut at = body.pose;
+            let mut is_there = false;
+            for (k, joint) in body.joints.iter().enumerate() {
+                let Some(joint) = tree.joints.get(*joint) else { continue };
+                is_there = k + 1 == body.joints.len() && joint.pos == [0.0; 3];
+                let child = match is_there {
+                    true => self.link(&body.name, body.inertial),
+                    false => self.link(&format!("{}/{}", body.name, joint.name), None),
+                };
+                self.joints.push(written(joint, at.then(Pose::at(joint.pos)), [parent, child]));
+                parent = child;
+                at = Pose::at(minus([0.0; 3], joint.pos));
+            }
+            if !is_there {
+                let child = self.link(&body.name, body.inertial);
+                let name = format!("{}/frame", body.name);
+                self.joints.push(plain(name, JointKind::Fixed, at, [parent, child]));
+                parent = child;
+            }
+            self.bodies.push(parent);
+        }
+    }
 }
 
-fn of_joint(joint: &Joint, place: Pose, parent: &str, child: &str) -> String {
+fn plain(name: String, kind: JointKind, at: Pose, [parent, child]: [usize; 2]) -> Written {
+    Written {
+        name,
+        kind,
+        parent,
+        child,
+        origin: at.placement(),
+        axis: [1.0, 0.0, 0.0],
+        limits: None,
+        coupling: None,
+        terms: Terms::default(),
+        motor: None,
+    }
+}
+
+fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
     let kind = match joint.kind {
-        _ if joint.held.is_some() => "fixed",
-        Kind::Hinge if joint.range.is_some() => "revolute",
-        Kind::Hinge => "continuous",
-        Kind::Slide => "prismatic",
-        Kind::Ball => "spherical",
-        Kind::Free => "floating",
+        _ if joint.held.is_some() => JointKind::Fixed,
+        Kind::Hinge if joint.range.is_some() => JointKind::Revolute,
+        Kind::Hinge => JointKind::Continuous,
+        Kind::Slide => JointKind::Prismatic,
+        Kind::Ball => JointKind::Spherical,
+        Kind::Free => JointKind::Floating,
     };
     let place = match (joint.held, joint.kind) {
         (Some(at), Kind::Hinge) => place.then(Pose { p: [0.0; 3], r: Pose::turn(joint.axis, at) }),
         (Some(at), _) => place.then(Pose::at(joint.axis.map(|x| x * at))),
         (None, _) => place,
     };
-    let mut text = format!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name));
-    text += &ends(parent, child);
-    text += &origin(place.placement());
-    let is_single = joint.is_single() && joint.held.is_none();
-    if is_single {
-        let _ = write!(text, "<axis xyz=\"{}\"/>", list(joint.axis, " "));
-        let effort = joint.effort.min(joint.drive.unwrap_or(f64::INFINITY));
-        let range = joint.range.map(|[lower, upper]| {
-            format!(" lower=\"{}\" upper=\"{}\"", number(lower), number(upper))
-        });
-        let force = effort.is_finite().then(|| format!(" effort=\"{}\"", number(effort)));
-        if range.is_some() || force.is_some() || kind == "prismatic" {
-            let parts = [range, force].map(Option::unwrap_or_default);
-            let _ = write!(text, "<limit{}/>", parts.concat());
-        }
-        if let Some(([(master, factor)], offset)) =
-            joint.coupling.as_ref().map(|(terms, offset)| (terms.as_slice(), offset))
-        {
-            let _ = write!(
-                text,
-                "<mimic joint=\"{}\" multiplier=\"{}\" offset=\"{}\"/>",
-                escaped(master),
-                number(*factor),
-                number(offset + 0.0)
-            );
-        }
-    }
+    let mut of = plain(joint.name.clone(), kind, place, links);
     let terms = joint.terms;
-    let dry = terms.friction.coulomb;
-    let spring = terms.stiffness != 0.0 && is_single;
-    let rotor = terms.rotor_inertia != 0.0 && is_single;
-    let has_damping = is_single || joint.kind == Kind::Ball;
-    let all = [
-        ("damping", terms.damping, terms.damping != 0.0 && has_damping),
-        ("friction", dry, dry != 0.0 && is_single),
-        ("spring_stiffness", terms.stiffness, spring),
-        ("spring_reference", terms.rest, spring),
-        ("rotor_inertia", terms.rotor_inertia, rotor),
-        ("gear_ratio", terms.gear_ratio, rotor),
-    ];
-    let dynamics: String = all
-        .iter()
-        .filter(|(.., is_there)| *is_there)
-        .map(|(name, value, _)| format!(" {name}=\"{}\"", number(value + 0.0)))
-        .collect();
-    if !dynamics.is_empty() {
-        let _ = write!(text, "<dynamics{dynamics}/>");
+    if joint.kind == Kind::Ball {
+        of.terms.damping = terms.damping;
     }
-    text + "</joint>\n"
-}
-
-/// The coupling of a joint to several others.
-fn transmission(joint: &Joint) -> String {
-    let Some((terms, offset)) = joint.coupling.as_ref().filter(|(terms, _)| terms.len() > 1) else {
-        return String::new();
-    };
-    let name = escaped(&joint.name);
-    let mut text = format!("  <transmission name=\"{name}\">\n    <joint name=\"{name}\">\n");
-    for (k, (master, factor)) in terms.iter().enumerate() {
-        let master = escaped(master);
-        let offset = number(if k == 0 { offset + 0.0 } else { 0.0 });
-        let factor = number(*factor);
-        let _ = writeln!(
-            text,
-            "      <depends_on joint=\"{master}\" multiplier=\"{factor}\" offset=\"{offset}\"/>"
-        );
+    if !joint.is_single() || joint.held.is_some() {
+        return of;
     }
-    text + "    </joint>\n  </transmission>\n"
+    of.axis = joint.axis;
+    of.terms = Terms { rest: if terms.stiffness == 0.0 { 0.0 } else { terms.rest }, ..terms };
+    let effort = joint.effort.min(joint.drive.unwrap_or(f64::INFINITY));
+    let none = [f64::NEG_INFINITY, f64::INFINITY];
+    if joint.range.is_some() || effort.is_finite() || kind == JointKind::Prismatic {
+        let [lower, upper] = joint.range.unwrap_or(none);
+        of.limits = Some(Limits { lower, upper, velocity: f64::INFINITY, effort });
+    }
+    of
 }
 
 /// Joints that move together, and the cuts between them.
@@ -193,9 +158,9 @@ fn tie<'a>(groups: &mut Vec<Group<'a>>, mut group: Group<'a>) {
     groups.push(group);
 }
 
-/// The submechanism file: joints that cuts and couplings tie are together, all others serial, in
-/// the order of the file.
-pub(super) fn submechanisms(name: &str, tree: &Tree, cuts: &[Cut]) -> String {
+/// Joints that cuts and couplings tie are together, all others serial, in the order of the file.
+fn submechanisms(name: &str, of: &Writer<'_>, places: &[usize], cuts: &[Cut]) -> Vec<Submechanism> {
+    let tree = of.tree;
     let moves = |j: &usize| tree.joints.get(*j).is_some_and(|joint| joint.held.is_none());
     let mut groups: Vec<Group<'_>> = Vec::new();
     for (j, joint) in tree.joints.iter().enumerate() {
@@ -211,7 +176,7 @@ pub(super) fn submechanisms(name: &str, tree: &Tree, cuts: &[Cut]) -> String {
     for (g, (joints, _)) in groups.iter().enumerate() {
         owner.extend(joints.iter().map(|j| (*j, g)));
     }
-    let mut text = "submechanisms:\n".to_owned();
+    let mut all = Vec::new();
     let mut names = BTreeSet::new();
     let mut j = 0;
     while j < tree.joints.len() {
@@ -247,43 +212,49 @@ pub(super) fn submechanisms(name: &str, tree: &Tree, cuts: &[Cut]) -> String {
         while !names.insert(own.clone()) {
             own.push('_');
         }
-        text += &entry(&own, &joints, cuts, tree);
+        all.push(submechanism(own, of, &joints, places, cuts));
     }
-    text
+    all
 }
 
-fn entry(name: &str, joints: &[usize], cuts: &[&Cut], tree: &Tree) -> String {
-    let all = || joints.iter().filter_map(|j| tree.joints.get(*j));
+fn submechanism(
+    name: String,
+    of: &Writer<'_>,
+    joints: &[usize],
+    places: &[usize],
+    cuts: &[&Cut],
+) -> Submechanism {
+    let own = || joints.iter().filter_map(|j| Some((of.tree.joints.get(*j)?, *places.get(*j)?)));
     let kind = match cuts {
-        [] if all().any(|joint| joint.coupling.is_some()) => "TRANSMISSION",
-        [] => "SERIAL",
-        _ => "NUMERICAL",
+        [] if own().any(|(joint, _)| joint.coupling.is_some()) => SubmechanismKind::Transmission,
+        [] => SubmechanismKind::Serial,
+        _ => SubmechanismKind::Numerical,
     };
-    let names = |of: &mut dyn Iterator<Item = &Joint>| {
-        of.map(|joint| word(&joint.name)).collect::<Vec<_>>().join(", ")
-    };
-    let mut text = format!(
-        "- type: {kind}\n  contextual_name: {}\n  jointnames_spanningtree: [{}]\n  \
-         jointnames_independent: []\n  jointnames_active: [{}]\n",
-        word(name),
-        names(&mut all()),
-        names(&mut all().filter(|joint| joint.drive.is_some()))
-    );
-    if !cuts.is_empty() {
-        text += "  loop_constraints:\n";
-    }
-    for cut in cuts {
-        let [a, b] = cut.bodies.map(|body| tree.bodies.get(body).map_or("", |of| &*of.name));
-        let kind = if cut.is_weld { "weld" } else { "spherical" };
-        let _ = writeln!(text, "  - cut_joint: {}", word(&cut.name));
-        let _ =
-            writeln!(text, "    predecessor_body: {}\n    successor_body: {}", word(a), word(b));
-        let _ = writeln!(text, "    cut_joint_type: {kind}");
-        for (key, Placement { xyz, rpy }) in ["predecessor", "successor"].iter().zip(cut.places) {
-            let xyz = list(xyz, ", ");
-            let _ =
-                writeln!(text, "    {key}_placement: {{xyz: [{xyz}], rpy: [{}]}}", list(rpy, ", "));
+    let loops = cuts.iter().map(|cut| {
+        let [predecessor, successor] = cut.places;
+        let rows = if cut.is_weld { CutJoint::Weld } else { CutJoint::Spherical }.rows();
+        let link = |body: usize| of.bodies.get(body).copied().unwrap_or(0);
+        Loop {
+            name: cut.name.clone(),
+            predecessor: link(cut.bodies[0]),
+            successor: link(cut.bodies[1]),
+            cut: Place::Placed { predecessor, successor },
+            rows,
         }
+    });
+    Submechanism {
+        name,
+        kind,
+        type_name: match kind {
+            SubmechanismKind::Transmission => "TRANSMISSION",
+            SubmechanismKind::Serial => "SERIAL",
+            _ => "NUMERICAL",
+        }
+        .to_owned(),
+        spanning_tree: own().map(|(_, place)| place).collect(),
+        independent: Vec::new(),
+        active: own().filter(|(joint, _)| joint.drive.is_some()).map(|(_, at)| at).collect(),
+        loops: loops.collect(),
+        closed_forms: true,
     }
-    text
 }

@@ -19,6 +19,7 @@ mod compounds;
 mod cuts;
 mod dialects;
 mod dimensions;
+mod export;
 mod fingerprints;
 mod gazebo;
 mod hostile;

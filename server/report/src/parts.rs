@@ -33,14 +33,15 @@ impl Pair {
 }
 
 /// Fills the section.
-pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
+pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) -> Outcome<Section> {
     let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
     let mut section = Section::new("parts", "What a question does not need");
     let mut rows = Vec::new();
-    let names = bundled_names();
-    for (k, name) in names.iter().enumerate() {
-        progress.show(name, k as f64 / names.len() as f64);
-        let robot = Robot::load(Subject::Bundled(name), n_states)?;
+    let bundled = || bundled_names().into_iter().map(Subject::Bundled).collect();
+    let subjects: Vec<Subject> = own.map_or_else(bundled, |own| vec![own]);
+    for (k, subject) in subjects.iter().enumerate() {
+        progress.show(subject.name(), k as f64 / subjects.len() as f64);
+        let robot = Robot::load(*subject, n_states)?;
         rows.extend(of_robot(&robot, Duration::from_millis(rounds))?);
     }
     let least = rows.iter().min_by(|a, b| a.1.total_cmp(&b.1));

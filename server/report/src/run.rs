@@ -25,7 +25,7 @@ enum Fill {
 /// Flag, JSON and files use the name: `extremes` are the stress cases.
 const SECTIONS: &[(&str, Fill, f64)] = &[
     ("accuracy", Fill::Robots(accuracy::run), 0.4),
-    ("parts", Fill::Problems(parts::run), 0.05),
+    ("parts", Fill::Robots(parts::run), 0.05),
     #[cfg(feature = "generate")]
     ("generated", Fill::Robots(crate::generated::run), 0.1),
     ("integration", Fill::Problems(integration::run), 0.15),

@@ -23,7 +23,7 @@ pub(crate) struct Compare {
 impl Compare {
     pub(crate) fn run(self) -> Outcome {
         let loaded = self.robot.load_and_warn()?;
-        let found = compare(loaded.description, &self.with).map_err(Failure::start)?;
+        let found = compare(&loaded, &self.with).map_err(Failure::start)?;
         let code = u8::from(found.rows.iter().any(|row| row.is_finding));
         Ok(Results { text: self.format.render(&found, in_words), code })
     }
@@ -35,23 +35,25 @@ fn in_words(found: &Comparison) -> String {
         return format!("{}\n", found.peer);
     }
     let mut text = format!(
-        "{} beside {}: largest difference from the exact answer, by size, and time of a call\n",
+        "{} beside {}\nlargest difference from the exact answer, by size, and time of a call\n",
         found.robot, found.peer
     );
     text += &format!(
-        "{:<5}  {:<38} {:<22} {:>9} {:>9}  {:>8} {:>8}  why\n",
+        "{:<13} {:<38} {:<22} {:>9} {:>9}  {:>8} {:>8}  why\n",
         "what", "method", "setting", "theirs", "ours", "theirs", "ours"
     );
     for row in &found.rows {
         let theirs = row.theirs.map_or("-".to_owned(), |theirs| format!("{theirs:.1e}"));
-        let micros = |ns: f64| format!("{:.2} µs", ns / 1e3);
+        let ours = row.ours.map_or("-".to_owned(), |ours| format!("{ours:.1e}"));
+        let micros =
+            |ns: Option<f64>| ns.map_or("-".to_owned(), |ns| format!("{:.2} µs", ns / 1e3));
         text += &format!(
-            "{:<5}  {:<38} {:<22} {:>9} {:>9.1e}  {:>8} {:>8}  {}\n",
+            "{:<13} {:<38} {:<22} {:>9} {:>9}  {:>8} {:>8}  {}\n",
             row.quantity,
             row.method,
             row.setting,
             theirs,
-            row.ours,
+            ours,
             micros(row.theirs_ns),
             micros(row.ours_ns),
             row.why

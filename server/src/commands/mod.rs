@@ -11,6 +11,8 @@ pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod doctor;
+#[cfg(feature = "report")]
+pub(crate) mod export;
 #[cfg(feature = "generate")]
 pub(crate) mod generate;
 #[cfg(feature = "identify")]

@@ -98,7 +98,7 @@ impl From<LoadError> for Failure {
 }
 
 /// A robot's name as that of a file, which leads to no other folder.
-#[cfg(feature = "show")]
+#[cfg(any(feature = "show", feature = "report"))]
 pub(crate) fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     name.chars().map(plain).collect()

@@ -4,6 +4,7 @@
 //! A missing peer is not an error: the page shows the command that builds it.
 
 pub mod compare;
+pub mod exported;
 mod text;
 
 use std::io::Write;

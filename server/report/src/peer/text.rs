@@ -3,8 +3,8 @@
 
 use core::fmt::Display;
 
-use sarrus_dynamics::description::{Cut, Description, JointKind, Placement};
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::description::{Cut, Description, JointKind, Loop, Placement};
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace, loops_of};
 
 use crate::robots::{Robot, packed};
 
@@ -94,13 +94,11 @@ impl Text {
     }
 
     fn loops(&mut self, description: &Description) -> Result<(), String> {
-        let parts = &description.submechanisms;
-        self.line("loops", [parts.iter().map(|part| part.loops.len()).sum::<usize>()]);
-        for (group, part) in parts.iter().enumerate() {
-            if part.loops.is_empty() && part.spanning_tree.len() > part.independent.len() {
-                return Err(format!("the loops of {} are given by its type alone", part.name));
-            }
-            for each in &part.loops {
+        let all: Vec<Vec<Loop>> =
+            (0..description.submechanisms.len()).map(|s| loops_of(description, s)).collect();
+        self.line("loops", [all.iter().map(Vec::len).sum::<usize>()]);
+        for (group, loops) in all.iter().enumerate() {
+            for each in loops {
                 self.0 += &format!("{group} {} {} ", each.predecessor, each.successor);
                 match &each.cut {
                     Cut::AtJoint(joint) => self.0 += &format!("joint {joint}\n"),

@@ -1,0 +1,211 @@
+//! SDF, the format of Gazebo. A joint whose child has a parent already closes a loop.
+
+use std::fmt::Write;
+
+use sarrus_dynamics::Site;
+use sarrus_dynamics::description::{Joint, JointKind, Loop};
+
+use super::cuts::{Kind, held};
+use super::urdf::escaped;
+use super::{Out, inertial, list};
+use crate::pose::{Pose, unit};
+use crate::report::quoted;
+use crate::rewrite::number;
+use crate::rotation::rotated;
+
+/// Steps of 0.1 ms: loops are closed by velocities and drift.
+const HEAD: &str = r#"<sdf version="1.11">
+  <world name="default">
+    <physics name="exact" type="dart">
+      <max_step_size>0.0001</max_step_size>
+      <real_time_factor>0</real_time_factor>
+    </physics>
+"#;
+
+/// A link without mass.
+const MASSLESS: &str = "        <inertial><mass>1e-12</mass><inertia><ixx>1e-12</ixx>\
+                        <iyy>1e-12</iyy><izz>1e-12</izz></inertia></inertial>\n";
+
+/// The world with its model.
+pub(super) fn text(out: &mut Out<'_>) -> String {
+    let mut text = HEAD.to_owned();
+    let of = out.robot.of;
+    let _ = writeln!(text, "    <gravity>{}</gravity>", list(&of.gravity));
+    let _ = writeln!(text, "    <model name=\"{}\">", escaped(out.name));
+    let root = out.robot.root;
+    // the world has no link of its own
+    let is_world = out.robot.link(root) == "world";
+    for link in (0..of.links.len()).filter(|link| *link != root || !is_world) {
+        text += &of_link(out, link);
+    }
+    if !is_world {
+        let [name, child] =
+            [format!("{}/world", out.robot.link(root)), out.robot.link(root).into()];
+        text += &open(&name, "fixed", ["world", &child]);
+        text += "      </joint>\n";
+    }
+    for (j, joint) in of.joints.iter().enumerate() {
+        text += &of_joint(out, j, joint);
+    }
+    for (s, part) in of.submechanisms.iter().enumerate() {
+        for (l, each) in part.loops.iter().enumerate() {
+            text += &of_loop(out, (s, l), &format!("{}/{}", part.name, each.name), each);
+        }
+    }
+    text + "    </model>\n  </world>\n</sdf>\n"
+}
+
+fn of_link(out: &Out<'_>, link: usize) -> String {
+    let of = out.robot.of;
+    let mut text = format!("      <link name=\"{}\">\n", escaped(out.robot.link(link)));
+    if let Some(joint) = of.joints.iter().find(|joint| joint.child == link) {
+        let parent = out.robot.link(joint.parent);
+        text += &placed(Pose::of(&joint.origin), if parent == "world" { "" } else { parent });
+    }
+    if let Some(inertial) = inertial(&out.robot, link).filter(|of| of.mass > 0.0) {
+        text += &format!("        <inertial>\n{}", placed(Pose::of(&inertial.origin), ""));
+        let _ = write!(text, "        <mass>{}</mass><inertia>", number(inertial.mass));
+        let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
+        for (name, value) in names.into_iter().zip(inertial.inertia) {
+            let _ = write!(text, "<{name}>{}</{name}>", number(value));
+        }
+        text += "</inertia>\n        </inertial>\n";
+    } else {
+        // without mass it would weigh 1 kg
+        text += MASSLESS;
+    }
+    text + "      </link>\n"
+}
+
+/// The joint that closes a loop.
+fn of_loop(out: &mut Out<'_>, (s, l): (usize, usize), name: &str, of: &Loop) -> String {
+    let cut = held(&of.rows);
+    let kind = match cut.kind {
+        Kind::Point => "ball",
+        Kind::Plane | Kind::Hinge => "revolute",
+        Kind::Weld => "fixed",
+        Kind::Slide => "prismatic",
+        Kind::Universal => "universal",
+        Kind::Other => {
+            let found = format!("the cut {} holds a {}", quoted(&of.name), cut.kind.name());
+            let expected = "ball, revolute, fixed, prismatic or universal";
+            let help = "write the joint of the cut into the tree, and cut a body by a weld";
+            out.lost(Site::Loop(s, l), found, expected, help);
+            return String::new();
+        }
+    };
+    let ends = [of.predecessor, of.successor].map(|link| out.robot.link(link));
+    let mut text = open(name, kind, ends);
+    let [first, second] = out.robot.places(of);
+    text += &placed(second, "");
+    // in the successor's cut frame
+    let [first, second] = [(of.predecessor, first), (of.successor, second)]
+        .map(|(link, place)| out.robot.zero[link].then(place));
+    let turn = second.inverse().then(first).r;
+    let axes = match kind {
+        "ball" | "fixed" => "",
+        "universal" => "axis axis2",
+        _ => "axis",
+    };
+    for (name, axis) in axes.split_whitespace().zip([rotated(turn, cut.axis), cut.axis2]) {
+        let axis = list(&unit(axis).unwrap_or(axis));
+        let _ = writeln!(text, "        <{name}><xyz>{axis}</xyz></{name}>");
+    }
+    text + "      </joint>\n"
+}
+
+fn placed(at: Pose, relative_to: &str) -> String {
+    let of = at.placement();
+    if at == Pose::NONE && relative_to.is_empty() {
+        return String::new();
+    }
+    let frame = match relative_to {
+        "" => String::new(),
+        name => format!(" relative_to=\"{}\"", escaped(name)),
+    };
+    format!("        <pose{frame}>{} {}</pose>\n", list(&of.xyz), list(&of.rpy))
+}
+
+fn open(name: &str, kind: &str, [parent, child]: [&str; 2]) -> String {
+    let [name, parent, child] = [name, parent, child].map(escaped);
+    format!(
+        "      <joint name=\"{name}\" type=\"{kind}\">\n        <parent>{parent}</parent>\
+         <child>{child}</child>\n"
+    )
+}
+
+fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
+    let kind = match joint.kind {
+        JointKind::Fixed => "fixed",
+        JointKind::Prismatic => "prismatic",
+        JointKind::Spherical => "ball",
+        // a link without a joint is free
+        JointKind::Floating => {
+            if !out.robot.stands(joint.parent) {
+                let found = format!("the free joint {} on a moving link", quoted(&joint.name));
+                let help = "write it as three sliders and a ball joint";
+                out.lost(Site::Joint(j), found, "a free joint on the world", help);
+            }
+            return String::new();
+        }
+        _ => "revolute",
+    };
+    let terms = joint.terms;
+    if terms.rotor_inertia != 0.0 {
+        let found = format!("the rotor of {}", quoted(&joint.name));
+        let help = "write it as a body, or choose the target mjcf";
+        out.lost(Site::Joint(j), found, "a joint without a rotor", help);
+    }
+    let mut text =
+        open(&joint.name, kind, [joint.parent, joint.child].map(|link| out.robot.link(link)));
+    if !matches!(kind, "fixed" | "ball") {
+        let axis = list(&unit(joint.axis).unwrap_or(joint.axis));
+        let _ = writeln!(text, "        <axis>\n          <xyz>{axis}</xyz>");
+        let limits = joint.limits.iter().flat_map(|of| {
+            [
+                ("lower", of.lower),
+                ("upper", of.upper),
+                ("effort", of.effort),
+                ("velocity", of.velocity),
+            ]
+        });
+        let limits: String = limits
+            .filter(|(_, value)| value.is_finite())
+            .map(|(name, value)| format!("<{name}>{}</{name}>", number(value)))
+            .collect();
+        let _ = writeln!(text, "          <limit>{limits}</limit>");
+        let dynamics: String = [
+            ("damping", terms.damping),
+            ("friction", terms.friction.coulomb),
+            ("spring_stiffness", terms.stiffness),
+            ("spring_reference", terms.rest),
+        ]
+        .into_iter()
+        .filter(|(_, value)| *value != 0.0)
+        .map(|(name, value)| format!("<{name}>{}</{name}>", number(value)))
+        .collect();
+        if !dynamics.is_empty() {
+            let _ = writeln!(text, "          <dynamics>{dynamics}</dynamics>");
+        }
+        match joint.coupling.as_ref().map(|of| (of.terms.as_slice(), of.offset)) {
+            Some(([(master, factor)], offset)) => {
+                let _ = writeln!(
+                    text,
+                    "          <mimic joint=\"{}\"><multiplier>{}</multiplier>\
+                     <offset>{}</offset><reference>0</reference></mimic>",
+                    escaped(&out.robot.of.joints[*master].name),
+                    number(*factor),
+                    number(offset)
+                );
+            }
+            Some(_) => {
+                let found = format!("{} follows several joints", quoted(&joint.name));
+                let help = "choose the target mjcf";
+                out.lost(Site::Joint(j), found, "one joint that it follows", help);
+            }
+            None => {}
+        }
+        text += "        </axis>\n";
+    }
+    text + "      </joint>\n"
+}
