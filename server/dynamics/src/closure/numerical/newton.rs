@@ -42,12 +42,12 @@ use crate::mechanism::{Body, Cluster, Motion, turn_some};
 use crate::scalar::Real;
 
 /// Largest first step, in radians or cluster lengths.
-const TRUST: f64 = 0.5;
+pub(super) const TRUST: f64 = 0.5;
 /// Part of a block's distance to singularity that independents and first step may go: a longer path
 /// could lead through a place where the loops do not close, and out of it on the other side.
-const CAUTION: f64 = 0.7;
+pub(super) const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
-const CONTRACTION: f64 = 0.3;
+pub(super) const CONTRACTION: f64 = 0.3;
 /// Part of the distance to singularity below which a step of a wide block keeps its inverse.
 const STEADY: f64 = 0.01;
 /// Most rows of a block whose inverse costs less than several residuals.

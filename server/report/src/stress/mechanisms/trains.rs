@@ -236,10 +236,29 @@ pub(crate) fn spatial(random: &mut Random, stages: usize) -> Outcome<Train> {
     for k in 0..stages {
         let delta = random.scale(0.005, 0.1);
         (sines, least) = (sines * delta.sin(), least.min(delta));
-        (on, tip) = rod(random, &mut of, k, (on, BASE), tip, delta);
+        (on, tip) = rod(random, &mut of, k, (on, BASE), tip, delta, &Universal::default());
     }
     of.independent([first]).active([if random.coin() { first } else { on }]);
     Ok(Train { description: of.build()?, y: vec![0.0], sines, least })
+}
+
+/// The universal joint of a rod, across the rod unless stated otherwise.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Universal {
+    /// Angle between the rod and the first axis.
+    pub(crate) gimbal: Option<f64>,
+    /// Distance between the axes.
+    pub(crate) gap: f64,
+}
+
+/// A crank and a lever with such a rod between, far from its dead point.
+pub(crate) fn one_rod(random: &mut Random, universal: &Universal) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Numerical);
+    let [axis, tip] = rotation(random);
+    let crank = joint(&mut of, BASE, Turn, [0.0; 3], axis);
+    let delta = random.between(0.3, 1.2);
+    rod(random, &mut of, 0, (crank, BASE), tip, delta, universal);
+    finish(of, &[crank], &[crank])
 }
 
 /// A rod from a point of a link to a lever on another link, δ from its dead point; returns the
@@ -251,6 +270,7 @@ fn rod(
     (from, to): (LinkId, LinkId),
     foot: [f64; 3],
     delta: f64,
+    universal: &Universal,
 ) -> (LinkId, [f64; 3]) {
     let [axis, lever] = rotation(random);
     let across = cross_product(axis, lever);
@@ -261,12 +281,18 @@ fn rod(
         std::array::from_fn(|i| c * (cb * lever[i] + sb * axis[i]) + s * across[i]);
     let head: [f64; 3] = std::array::from_fn(|i| foot[i] + length * along[i]);
     let pivot: [f64; 3] = std::array::from_fn(|i| head[i] - arm * lever[i]);
-    // two axes across the rod
-    let level = cross_product(along, axis);
+    // two axes across the rod, or the first one near it
+    let mut level = cross_product(along, axis);
     let upright = cross_product(along, level);
+    if let Some(angle) = universal.gimbal {
+        let size = level.iter().map(|x| x * x).sum::<f64>().sqrt();
+        level = std::array::from_fn(|i| angle.cos() * along[i] + angle.sin() * level[i] / size);
+    }
+    let common = cross_product(level, upright);
+    let beside: [f64; 3] = std::array::from_fn(|i| foot[i] + universal.gap * common[i]);
     of.default_inertial(inertial(random));
     let turn = joint(of, from, Turn, foot, level);
-    let shaft = joint(of, turn, Turn, foot, upright);
+    let shaft = joint(of, turn, Turn, beside, upright);
     of.default_inertial(inertial(random));
     let rocker = joint(of, to, Turn, pivot, axis);
     of.cut(format!("ball{k}"), shaft, rocker).at(head).joint(CutJoint::Spherical);
@@ -289,10 +315,10 @@ pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
         independent.push(crank);
         let delta = random.scale(0.02, 0.2);
         let foot = [(); 3].map(|()| random.between(-0.6, 0.6));
-        let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, delta);
+        let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, delta, &Universal::default());
         // one rod moves the next
         let delta = random.scale(0.05, 0.5);
-        let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, delta);
+        let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, delta, &Universal::default());
         if k == 2 {
             on = last;
         }
