@@ -186,7 +186,7 @@ fn what_the_motors_allow_has_its_shapes_and_names() {
         (r#"{"y":[0,0],"want":["torque_support"]}"#, "directions"),
         (r#"{"y":[0,0],"want":["gains_y"]}"#, "gains_u"),
         (r#"{"y":[0,0],"directions":[[1]],"want":["torque_support"]}"#, "2"),
-        (r#"{"y":[0,0],"directions":[],"want":["torque_support"]}"#, "directions"),
+        (r#"{"y":[0,0],"directions":[],"want":["torque_support"]}"#, "a direction"),
         (r#"{"y":[0,0],"friction":1}"#, "true or false"),
     ] {
         let answer = ask("kinematics", "torso", &[line]).json().remove(0);

@@ -536,8 +536,8 @@ fn a_map_of_motors_shows_the_numbers_of_its_point_at_every_size() {
             answer.torque = map().torque_max[index(state.at)];
             answer.after = [...body.rows].map((row) => row.cells[1].textContent);
             for (let k = 0; k < quantities().length; k++) { state.quantity = k; draw(); }
-            const painted = canvas.getContext('2d');
-            const data = painted.getImageData(0, 0, canvas.width, canvas.height).data;
+            const brush = canvas.getContext('2d');
+            const data = brush.getImageData(0, 0, canvas.width, canvas.height).data;
             answer.colours = new Set(data).size;
             answer.wide = document.documentElement.scrollWidth - innerWidth;
         ";
