@@ -36,7 +36,7 @@ use crate::closure::Local;
 use crate::closure::constraint::rows::base;
 use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, by_width};
-use crate::closure::numerical::inverse::{Inverted, inverse_square_sine};
+use crate::closure::numerical::inverse::Inverted;
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Motion, turn_some};
 use crate::scalar::Real;
@@ -221,11 +221,11 @@ impl Block {
             let fresh = !tiny && !kept;
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
-                let near;
-                (near, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
+                let gain;
+                (gain, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
                 attempt.gain = match self.width::<M>() {
                     1 => self.lever_gain(cluster, local),
-                    _ => near,
+                    _ => gain,
                 };
             } else if fresh {
                 attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
@@ -304,13 +304,12 @@ impl Block {
         attempt.det = start.branch.unwrap_or(inverted.det);
         attempt.check_branch(&inverted);
         if m > 3 {
-            return (inverted.gain, inverted.gain);
+            return (inverted.gain, inverted.near);
         }
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         let squares = &scratch.step[..m];
-        let near = inverse_square_sine(inverse, squares, m);
-        (near, self.trust_gain(inverse, squares, near))
+        (inverted.gain, self.trust_gain(inverse, squares))
     }
 
     /// q ← q − A⁻¹ φ unless the attempt has converged; returns the size of the step.

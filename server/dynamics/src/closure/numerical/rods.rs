@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::place;
-use crate::closure::numerical::inverse::{accurate, inverse_square_sine};
+use crate::closure::numerical::inverse::{accurate, inverse_square_sines};
 use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
 use crate::closure::{Level, Local, MOST, Rate, Scratch, Twist, Universal, Validity};
 use crate::linalg::solve_pivoted;
@@ -45,10 +45,12 @@ pub(crate) struct Rods<T> {
     pub(crate) found: Vec<(usize, usize)>,
     /// Sign of the determinant at the zero pose.
     pub(crate) sign: f64,
+    /// Squares of the columns' norms if the rods were along the velocities of their ends.
+    pub(crate) sizes: Vec<f64>,
 }
 
 constants! { Rods:
-    keep unknowns before moving given turned found sign;
+    keep unknowns before moving given turned found sign sizes;
     each rods;
 }
 
@@ -306,7 +308,8 @@ impl<T: Real> Rods<T> {
         // PRECISION: at the limits of the reach other pivots are large than at zero
         let sign = solve_pivoted(A, inverse, m, m);
         let same = sign.is_some_and(|sign| T::ZERO.lt(sign * T::from_f64(self.sign)));
-        (same, inverse_square_sine(inverse, squares, m))
+        let [_, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
+        (same, gain)
     }
 
     /// G of the unknowns, and their rates; whether they mean something, and the gain.

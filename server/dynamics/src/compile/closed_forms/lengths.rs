@@ -68,6 +68,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<(Rods<Dd>, Vec<Deviation>), Strin
         turned: places(&unknowns),
         found: places(&found),
         sign: 1.0,
+        sizes: Vec::new(),
     };
     form.order(of)?;
     Ok((form, deviations))
@@ -156,6 +157,17 @@ impl Rods<Dd> {
         let mut A = vec![Dd::ZERO; m * m];
         let pose = of.bodies.iter().zip(&of.zero[1..]);
         let screws: Vec<_> = pose.map(|(body, pose)| screw(body.motion, pose)).collect();
+        self.sizes = vec![0.0; m];
+        for rod in &self.rods {
+            let ball = of.zero[rod.bodies[1]].point(&rod.ball);
+            for mover in &rod.path {
+                let [turn, velocity] = screws[mover.joint];
+                let v: Vector3<Dd> = velocity + turn.cross(ball);
+                if let Ok(column) = mover.column {
+                    self.sizes[column] += v.dot(v).to_f64();
+                }
+            }
+        }
         self.matrix::<0>(&of.zero, &screws, &mut A, |_, _, _| ());
         let mut det = Dd::ONE;
         for k in 0..m {
