@@ -166,6 +166,7 @@ pub(super) fn analyse(
     let poses: Vec<&[_]> = samples.iter().chain([&at_zero]).map(|at| &at.pose[..]).collect();
     for block in choices.iter_mut().flat_map(|choice| &mut choice.blocks) {
         block.sizes = sizes(&cluster, block, &others);
+        block.volume = block.sizes.iter().product();
         block.levers = levers(&cluster, block, &poses).unwrap_or_default();
     }
     Some(Analysis { used, other_rows, choices, locked })

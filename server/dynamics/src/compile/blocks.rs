@@ -168,6 +168,7 @@ impl Form<'_> {
             elimination,
             series,
             sizes: vec![0.0; size],
+            volume: 0.0,
             levers: [0.0; 3],
             couples,
             remember,

@@ -49,6 +49,8 @@ pub(crate) struct Block {
     /// Squares of the columns' norms where they are long: a column that is much shorter belongs to
     /// a joint whose axis passes near the point that it moves.
     pub(crate) sizes: Vec<f64>,
+    /// Their product.
+    pub(crate) volume: f64,
     /// Squares of the levers of two or three unknowns where the rows may see a small part of them:
     /// columns that are short turn quickly. Else zero.
     pub(crate) levers: [f64; 3],
@@ -153,7 +155,7 @@ impl Block {
         let A = &mut scratch.A[..m * m];
         let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
         if m <= 3 {
-            return invert::<T, M>(A, inverse, &self.sizes, m);
+            return invert::<T, M>(A, inverse, self.volume, m);
         }
         let squares = &mut scratch.step[..m];
         squares.fill(T::ZERO);
@@ -162,7 +164,7 @@ impl Block {
         }
         let inverted = match &self.elimination {
             Some(elimination) => elimination.invert(A, inverse, &mut scratch.spare),
-            None => invert::<T, M>(A, inverse, &self.sizes, m),
+            None => invert::<T, M>(A, inverse, self.volume, m),
         };
         let [near, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
         Inverted { accurate: accurate(T::ONE, near), near, gain, ..inverted }

@@ -46,24 +46,22 @@ impl<T: Real> Inverted<T> {
     /// |det| against the product of the column norms, as rotating and sliding joints have columns
     /// of different units; the gain also against the norms elsewhere.
     #[inline(always)]
-    fn narrow(A: &[T], sizes: &[f64], m: usize, det: T) -> Inverted<T> {
-        let square = |j: usize| column_square(A, m, m, j);
-        let squares = (0..m).fold(T::ONE, |product, j| product * square(j));
-        let longest = (sizes[..m].iter().enumerate())
-            .fold(T::ONE, |product, (j, size)| product * longer(square(j), *size));
+    fn narrow(A: &[T], volume: f64, m: usize, det: T) -> Inverted<T> {
+        let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
         let below = |floor: f64| (det * det).lt(squares * T::from_f64(floor));
         Inverted {
             sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
             accurate: accurate(det * det, squares),
             near: squares / (det * det),
-            gain: longest / (det * det),
+            gain: longer(squares, volume) / (det * det),
             det,
         }
     }
 }
 
-/// The square of a column's norm, or of its norm elsewhere where that is larger: a joint whose axis
-/// passes near the point that it moves turns quickly, however independent its column is.
+/// The square of a column's norm, or of its norm elsewhere where that is larger, and the same of
+/// products: a joint whose axis passes near the point that it moves turns quickly, however
+/// independent its column is.
 #[inline(always)]
 fn longer<T: Real>(square: T, size: f64) -> T {
     let size = T::from_f64(size);
@@ -71,12 +69,12 @@ fn longer<T: Real>(square: T, size: f64) -> T {
 }
 
 /// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond.
-/// `sizes`: squares of the columns' norms elsewhere.
+/// `volume`: product of the squares of the columns' norms elsewhere.
 #[inline(always)]
 pub(in crate::closure) fn invert<T: Real, const M: usize>(
     A: &mut [T],
     inverse: &mut [T],
-    sizes: &[f64],
+    volume: f64,
     m: usize,
 ) -> Inverted<T> {
     match if M == ANY { m } else { M } {
@@ -90,7 +88,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             let d = T::ONE / det;
             (inverse[0], inverse[1], inverse[2], inverse[3]) =
                 (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
-            Inverted::narrow(A, sizes, 2, det)
+            Inverted::narrow(A, volume, 2, det)
         }
         3 => {
             let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| {
@@ -115,7 +113,7 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             for (x, y) in inverse.iter_mut().zip(adjugate) {
                 *x = y * d;
             }
-            Inverted::narrow(A, sizes, 3, det)
+            Inverted::narrow(A, volume, 3, det)
         }
         _ => {
             for (k, x) in inverse.iter_mut().enumerate() {

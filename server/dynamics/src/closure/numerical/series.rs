@@ -177,7 +177,7 @@ impl Block {
                 }
                 let squares: [T; M] = from_fn(|a| column_square(&A, M, M, a));
                 let inverted =
-                    invert::<T, M>(&mut A[..M * M], &mut inverse[..M * M], &self.sizes, M);
+                    invert::<T, M>(&mut A[..M * M], &mut inverse[..M * M], self.volume, M);
                 if k == 0 {
                     attempt.det = start.branch.unwrap_or(inverted.det);
                     trust = self.trust_gain(&inverse[..M * M], &squares);
@@ -267,7 +267,7 @@ impl Block {
         });
         let inverse = &mut scratch.inverse[self.offset..self.offset + M * M];
         let Inverted { sound, accurate, gain, .. } =
-            invert::<T, M>(&mut A[..M * M], inverse, &self.sizes, M);
+            invert::<T, M>(&mut A[..M * M], inverse, self.volume, M);
         for (i, dof) in dofs.iter().enumerate() {
             let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
             for (g, B) in row.iter_mut().zip(&B) {
