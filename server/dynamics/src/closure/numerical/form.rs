@@ -144,7 +144,7 @@ impl<T: Real> Formed<T> {
         validity.into()
     }
 
-    /// The same of the other forms, so that they lengthen no code of these.
+    /// All levels of the other forms, out of line so that they lengthen no code of these.
     #[inline(never)]
     fn close_apart(
         &self,

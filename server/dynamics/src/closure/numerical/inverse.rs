@@ -37,7 +37,7 @@ pub(in crate::closure) struct Inverted<T: Real> {
     /// 1/sin² of the angle that vanishes where the matrix is singular; 1 of one row, whose callers
     /// compute it.
     pub(in crate::closure) near: T,
-    /// The same, with the length of a column against its size elsewhere: the growth of roundings.
+    /// Growth of roundings: 1/sin² with the lengths of columns against those elsewhere.
     pub(in crate::closure) gain: T,
     pub(in crate::closure) det: T,
 }
