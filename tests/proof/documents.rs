@@ -166,7 +166,7 @@ fn every_closed_form_has_a_drawing_that_can_be_read() {
     }
     let drawings: Vec<String> =
         files("svg").into_iter().filter(|path| path.starts_with("server/dynamics/docs/")).collect();
-    assert_eq!(drawings.len(), 10, "{drawings:?}");
+    assert_eq!(drawings.len(), 11, "{drawings:?}");
     for path in drawings {
         let name = path.rsplit('/').next().unwrap();
         assert!(page.contains(&format!("docs/{name}\")")), "{name} is on no page");

@@ -2,13 +2,14 @@
 
 use sarrus_dynamics::ClosureKind;
 use sarrus_dynamics::description::{JointKind, SubmechanismKind as Kind};
+use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Request};
 use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add, cross, dot, norm, unit};
-use sarrus_tests::run::Robot;
+use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
-use super::{X, Y_AXIS, Z, agrees, compile};
+use super::{X, Y_AXIS, Z, agrees, answers, compile, numerical, share, unnamed};
 use Field::*;
 
 /// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot; out of the plane by
@@ -264,5 +265,50 @@ fn an_ankle_with_arms_defines_its_loops_by_its_type() {
         for row in x.get(G).chunks(2) {
             assert!(row.iter().any(|x| x.abs() > 1e-6), "{row:?}");
         }
+    }
+}
+
+#[test]
+fn mechanisms_of_named_types_are_found_by_their_geometry() {
+    type Drawn = fn(u64, bool) -> Draft;
+    let drawn: [(Drawn, &str); 4] = [
+        (slider_crank, "dyad"),
+        (|seed, straight| lambda(seed, straight, 1.0), "dyad"),
+        (|seed, straight| ankle(seed, straight, false), "leg"),
+        (|seed, straight| ankle(seed, straight, true), "leg"),
+    ];
+    for (draw, method) in drawn {
+        let mut found = 0;
+        let mut states = 0;
+        let mut worst = 0.0_f64;
+        for seed in 0..24 {
+            let draft = draw(seed, seed % 6 == 0);
+            let form = unnamed(&draft.description());
+            let newton = numerical(&draft.description());
+            let parts = form.model.closures_at_zero().remove(0).parts;
+            // a zero pose near a dead point has no table
+            if parts.iter().any(|part| part.method != method) {
+                continue;
+            }
+            found += 1;
+            let mut seeded = Seeded::new(seed + 300);
+            for _ in 0..20 {
+                let mut at = |size: f64| -> Vec<f64> {
+                    draft.reach.iter().map(|x| size * x * seeded.within(-1.0, 1.0)).collect()
+                };
+                let (y, yd) = (at(1.0), at(3.0));
+                let mine = answers(&form.model, &y, &yd);
+                let newtons = answers(&newton.model, &y, &yd);
+                assert_eq!(mine.is_some(), newtons.is_some(), "seed {seed} at {y:?}");
+                let Some((mine, newtons)) = mine.zip(newtons) else { continue };
+                let cast = |x: (Fields<f64>, Fields<f64>)| (x.0.map(Dd::from), x.1.map(Dd::from));
+                let epsilon = 64.0 / 100.0 * <f64 as Real>::EPSILON;
+                worst = worst.max(share(&cast(mine), &cast(newtons), epsilon, draft.scale));
+                states += 1;
+                assert!(worst <= 1.0, "{method}, seed {seed} at {y:?}: {worst}");
+            }
+        }
+        println!("{method}: {found} of 24, {states} states, {worst:.1e} of what is allowed");
+        assert!(found >= 12, "{method}: {found}");
     }
 }

@@ -5,6 +5,7 @@ mod cranks;
 mod drawn;
 mod dyads;
 mod known;
+mod rods;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind};
@@ -59,7 +60,7 @@ fn answers<T: PlanScalar>(
 }
 
 /// Largest error as a share of its bound: 64 ε cond × size, with the square of cond for
-/// accelerations, plus the effect of the misfit.
+/// accelerations, plus the effect of the misfit. A slide is a difference of lengths of the loop.
 fn share<T: PlanScalar>(
     mine: &(Fields<T>, Fields<T>),
     reference: &(Fields<T>, Fields<T>),
@@ -74,7 +75,7 @@ fn share<T: PlanScalar>(
     let allowed = 64.0 * T::EPSILON + 100.0 * misfit;
     let mut worst: f64 = 0.0;
     for (field, least, power) in [
-        (Q, 1.0, 1),
+        (Q, length.max(1.0), 1),
         (Qd, velocity, 1),
         (G, 1.0, 1),
         (K, 1.0, 1),

@@ -5,13 +5,15 @@
 //!   A ──b── C ──c── B      b − c = D = B − A       see [`super::planar`]
 //! ```
 //! A and B lie on links whose pose is known, C joins the two new ones; any of the three pins may be
-//! cut. A link's point X at the arm r from the link's anchor, with the link's turn θ:
+//! cut. Sliders take the place of pins in [`super::sliding`]. A link's point X at the arm r from
+//! the link's anchor, with the link's turn θ:
 //!
 //! ```text
 //!   X = x + R(θ) r        Ẋ = ẋ + θ̇ J r        Ẍ = ẍ + θ̈ J r − θ̇² r
 //! ```
 
-use crate::closure::plane::{Plane, PlaneLink, add};
+use crate::closure::plane::{PlaneLink, Point, add};
+use crate::closure::sliding::{DrivenSlide, SlidingPair};
 use crate::closure::{Level, Local, TwoLinks, Validity};
 use crate::mechanism::{Cluster, read_turns, turn};
 use crate::scalar::{Real, constants};
@@ -20,7 +22,7 @@ use crate::scalar::{Real, constants};
 #[derive(Clone, Debug)]
 pub(crate) struct Dyads<T> {
     pub(crate) steps: Vec<Step<T>>,
-    /// The dependent joints of the tree.
+    /// The dependent pins of the tree.
     pub(crate) others: Vec<Pin<T>>,
     /// Cosine and sine, and coordinate, of these and of the independents.
     pub(crate) found: Vec<(usize, usize)>,
@@ -37,6 +39,8 @@ constants! { Dyads:
 pub(crate) enum Step<T> {
     Driven(Driven<T>),
     Pair(Pair<T>),
+    DrivenSlide(DrivenSlide<T>),
+    SlidingPair(SlidingPair<T>),
 }
 
 impl<C: nalgebra::Scalar + Copy> Step<C> {
@@ -45,6 +49,8 @@ impl<C: nalgebra::Scalar + Copy> Step<C> {
         match self {
             Step::Driven(driven) => Step::Driven(driven.map(f)),
             Step::Pair(pair) => Step::Pair(pair.map(f)),
+            Step::DrivenSlide(driven) => Step::DrivenSlide(driven.map(f)),
+            Step::SlidingPair(pair) => Step::SlidingPair(pair.map(f)),
         }
     }
 }
@@ -79,18 +85,6 @@ constants! { Pair:
     keep to;
     map links;
     each from;
-}
-
-/// A point of a link: its arm from the link's anchor at zero.
-#[derive(Clone, Debug)]
-pub(crate) struct Point<T> {
-    pub(crate) link: usize,
-    pub(crate) arm: Plane<T>,
-}
-
-constants! { Point:
-    keep link;
-    map arm;
 }
 
 /// A dependent joint of the tree, its parent's and its child's link.
@@ -137,6 +131,10 @@ impl<T: Real> Dyads<T> {
             match step {
                 Step::Driven(driven) => driven.close(m, local, level),
                 Step::Pair(pair) => {
+                    validity = validity.or(pair.close(independent, local, level));
+                }
+                Step::DrivenSlide(driven) => driven.close(m, local, level),
+                Step::SlidingPair(pair) => {
                     validity = validity.or(pair.close(independent, local, level));
                 }
             }

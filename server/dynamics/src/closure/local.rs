@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::plane::PlaneLink;
-use crate::closure::{constraint_jacobian, local_poses};
+use crate::closure::{MOST, constraint_jacobian, local_poses};
 use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 use crate::spatial::{Pose, zero};
@@ -62,6 +62,10 @@ pub(crate) struct Scratch<T> {
     /// Velocity and acceleration of each local body at q̈ = 0, cluster axes: ω, v, α, a of the
     /// origin (n + 1).
     pub(crate) rate: Vec<Rate<T>>,
+    /// Of each local joint its twist for a unit of its rate (n); of each local body that for each
+    /// independent and for q̈ = g; entry 0 stands still (n + 1).
+    pub(crate) screw: Vec<Twist<T>>,
+    pub(crate) twist: Vec<[Twist<T>; MOST + 1]>,
     /// Links of a plane mechanism; entry 0 is the cluster's parent body (n + 1).
     pub(crate) plane: Vec<PlaneLink<T>>,
     /// Constraint Jacobian (n_c × n_v).
@@ -89,6 +93,9 @@ pub(crate) struct Scratch<T> {
     pub(crate) left: u64,
 }
 
+/// A turn, and the velocity that goes with it of a point in the origin {cluster's parent body}.
+pub(crate) type Twist<T> = [Vector3<T>; 2];
+
 /// Rates of a local body, cluster axes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rate<T> {
@@ -115,6 +122,8 @@ impl<T: Real> Scratch<T> {
             pose: vec![Pose::identity(); n + 1],
             base: vec![Pose::identity(); n],
             rate: vec![Rate { w: zero(), v: zero(), alpha: zero(), a: zero() }; n + 1],
+            screw: vec![[zero(); 2]; n],
+            twist: vec![[[zero(); 2]; MOST + 1]; n + 1],
             plane: vec![PlaneLink::at_rest(); n + 1],
             K: of(rows * n),
             phi: of(side),

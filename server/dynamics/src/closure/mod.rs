@@ -19,6 +19,7 @@ mod plane;
 mod platform;
 mod rod;
 mod rrpr;
+mod sliding;
 
 pub(crate) use constraint::rates::local_rates;
 pub(crate) use constraint::rows::{
@@ -31,20 +32,22 @@ pub(crate) use constraint::scaling::{
 };
 pub(crate) use constraint::second::Second;
 pub(crate) use coupling::Coupling;
-pub(crate) use dyads::{Driven, Dyads, Pair, Pin, Point, Step};
+pub(crate) use dyads::{Driven, Dyads, Pair, Pin, Step};
 pub(crate) use leg::Strut;
-pub(crate) use local::{BUDGET, Level, Local, Rate, Scratch, TURN, UNBOUNDED};
+pub(crate) use local::{BUDGET, Level, Local, Rate, Scratch, TURN, Twist, UNBOUNDED};
 pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Form, Formed, Numerical, Turn};
+pub(crate) use numerical::{End, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
 pub(crate) use planar::{LoopJoint, Planar, TwoLinks};
+pub(crate) use plane::Point;
 pub(crate) use platform::{Arm, Leg, Platform};
 pub(crate) use rod::{RodLeg, Universal};
 pub(crate) use rrpr::Rrpr;
+pub(crate) use sliding::{DrivenSlide, Joints, Slider, SlidingPair};
 
 use sarrus_proto::Status;
 

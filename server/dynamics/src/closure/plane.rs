@@ -1,7 +1,7 @@
 //! Vectors of a plane, and a link that moves in it.
 
 use crate::closure::numerical::seeds::MOST;
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
 pub(super) type Plane<T> = [T; 2];
 
@@ -26,6 +26,18 @@ pub(super) fn add<T: Real>(x: &Plane<T>, s: T, y: &Plane<T>) -> Plane<T> {
 #[inline(always)]
 pub(super) fn right<T: Real>(x: &Plane<T>) -> Plane<T> {
     [-x[1], x[0]]
+}
+
+/// A point of a link: its arm from the link's anchor at zero.
+#[derive(Clone, Debug)]
+pub(crate) struct Point<T> {
+    pub(crate) link: usize,
+    pub(crate) arm: Plane<T>,
+}
+
+constants! { Point:
+    keep link;
+    map arm;
 }
 
 /// A link at a pose: cosine and sine of its turn since zero, its anchor, the rates of both for each

@@ -95,7 +95,7 @@ constants! { Universal:
 }
 
 /// A rod at a pose: from universal joint to ball, that joint's axes, and 1 / z.
-struct Reached<T> {
+pub(super) struct Reached<T> {
     r: Vector3<T>,
     b: Vector3<T>,
     c: Vector3<T>,
@@ -279,7 +279,7 @@ impl<T> RodLeg<T> {
 impl<T: Real> Universal<T> {
     /// Cosines and sines for the rod r: z, second turn, first turn.
     #[inline(always)]
-    fn reach(
+    pub(super) fn reach(
         &self,
         carrier: &Matrix3<T>,
         r: Vector3<T>,
@@ -311,14 +311,19 @@ impl<T: Real> Universal<T> {
 impl<T: Real> Reached<T> {
     /// Rates of both turns for a velocity of the ball against the body that carries the joint.
     #[inline(always)]
-    fn solve(&self, e: &Vector3<T>) -> [T; 2] {
+    pub(super) fn solve(&self, e: &Vector3<T>) -> [T; 2] {
         [-(self.c.dot(*e) * self.inverse_root), self.b.dot(*e) * self.inverse_root]
     }
 
     /// Acceleration of the ball against the joint's center at constant rates of both turns, on a
     /// body with these rates.
     #[inline(always)]
-    fn acceleration(&self, w: Vector3<T>, alpha: Vector3<T>, [w1, w2]: [T; 2]) -> Vector3<T> {
+    pub(super) fn acceleration(
+        &self,
+        w: Vector3<T>,
+        alpha: Vector3<T>,
+        [w1, w2]: [T; 2],
+    ) -> Vector3<T> {
         let first = w.add_scaled(self.b, w1);
         let whole = first.add_scaled(self.c, w2);
         let turning = alpha.add_scaled(w.cross(self.b), w1);

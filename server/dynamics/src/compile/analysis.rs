@@ -6,7 +6,7 @@ use crate::closure::{
     Blocks, Level, Local, Numerical, Scratch, column_unit, constraint_residual, local_poses, scaled,
 };
 use crate::compile::assemble::Labels;
-use crate::compile::blocks::{blocks, levers};
+use crate::compile::blocks::{blocks, levers, sizes};
 use crate::compile::idle::Drift;
 use crate::compile::rank::{independent_rows, locks, matrix, null_space, rank};
 use crate::compile::{mobility, redundant};
@@ -165,7 +165,9 @@ pub(super) fn analyse(
     }
     let poses: Vec<&[_]> = samples.iter().chain([&at_zero]).map(|at| &at.pose[..]).collect();
     for block in choices.iter_mut().flat_map(|choice| &mut choice.blocks) {
-        block.levers = levers(&cluster, block, &poses);
+        block.sizes = sizes(&cluster, block, &others);
+        block.volume = block.sizes.iter().product();
+        block.levers = levers(&cluster, block, &poses).unwrap_or_default();
     }
     Some(Analysis { used, other_rows, choices, locked })
 }

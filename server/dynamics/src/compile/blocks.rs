@@ -1,7 +1,7 @@
 //! Block triangular form of a cluster's rows: the smallest sets of rows that determine as many
 //! joints, in the order of solution.
 
-use crate::closure::{Block, BlockCut, Blocks, Elimination, RowKind};
+use crate::closure::{Block, BlockCut, Blocks, Elimination, RowKind, column_unit, row_unit};
 use crate::compile::elimination;
 use crate::compile::matching::{matching, strongly_connected};
 use crate::mechanism::{Cluster, Cut, CutRow, Dof};
@@ -50,6 +50,24 @@ pub(super) fn blocks(
     let on_way: Vec<usize> = (0..cluster.n).filter(|j| on_way[*j]).collect();
     let after = on_way.iter().copied().filter(|j| !form.placed[*j]).collect();
     Blocks { blocks: form.blocks, on_way, after }
+}
+
+/// The largest squares of a block's columns, from the scaled K at some poses.
+pub(super) fn sizes(cluster: &Cluster<f64>, block: &Block, poses: &[&[f64]]) -> Vec<f64> {
+    let first = |cut: usize| cluster.cuts[..cut].iter().map(|cut| cut.rows.len()).sum::<usize>();
+    let square = |K: &[f64], v: usize| -> f64 {
+        let of_cut = |held: &BlockCut| -> f64 {
+            let entry = |(k, (r, _)): (usize, &(usize, usize))| {
+                let unit = row_unit(cluster, &cluster.cuts[held.cut].rows[*r]);
+                let x = K[(first(held.cut) + r) * cluster.n_v + v];
+                held.in_lengths(k, x / (unit * column_unit(cluster, v)))
+            };
+            held.rows.iter().enumerate().map(entry).map(|x: f64| x * x).sum()
+        };
+        block.cuts.iter().map(of_cut).sum()
+    };
+    let largest = |dof: &Dof| poses.iter().map(|K| square(K, dof.v)).fold(0.0, f64::max);
+    block.unknowns.iter().map(largest).collect()
 }
 
 /// Part of a lever that its column shows, squared, below which the rest counts.
@@ -149,7 +167,9 @@ impl Form<'_> {
             offset,
             elimination,
             series,
-            levers: None,
+            sizes: vec![0.0; size],
+            volume: 0.0,
+            levers: [0.0; 3],
             couples,
             remember,
             work: 0,

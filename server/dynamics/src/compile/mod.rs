@@ -111,7 +111,12 @@ fn find_turns_and_seeds(model: &mut Model<f64>, exact: &mut Model<Dd>) {
             numerical.turns = turns;
         }
     }
-    for seeds::Found { cluster, seeds, form } in seeds::find(model) {
+    let tables = seeds::find(model);
+    // a form without a table is not used
+    for numerical in model.closures.iter_mut().filter_map(Closure::numerical) {
+        numerical.form = None;
+    }
+    for seeds::Found { cluster, seeds, form } in tables {
         if let Some(numerical) = model.closures[cluster].numerical() {
             numerical.seeds = Some(seeds);
             numerical.form = form;

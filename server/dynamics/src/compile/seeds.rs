@@ -63,8 +63,16 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
     let mut ws = Workspace::sized(model, Needs::default());
     let mut found: Vec<Found> = Vec::new();
     for &(c, numerical) in &chosen {
-        let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new() };
-        if let Some((seeds, form)) = table.seeds(chosen.len()) {
+        let form = numerical.form.clone();
+        let mut table = Table { model, c, numerical, ws: &mut ws, signs: Vec::new(), form };
+        let tables = chosen.len();
+        let mut whole = table.seeds(tables);
+        // where a form does not hold, what it would leave out has to be in the table
+        if table.leaves_out() && whole.as_ref().is_none_or(|(_, form)| form.is_none()) {
+            table.form = None;
+            whole = table.seeds(tables);
+        }
+        if let Some((seeds, form)) = whole {
             // equal limbs share one
             let equal = found.iter().find(|other| *other.seeds == seeds);
             let seeds = equal.map_or_else(|| Arc::new(seeds), |other| other.seeds.clone());
@@ -81,6 +89,8 @@ struct Table<'a> {
     numerical: &'a Numerical<f64>,
     ws: &'a mut Workspace<f64>,
     signs: Vec<f64>,
+    /// The closed form to be compared.
+    form: Option<Box<Formed<f64>>>,
 }
 
 /// A closed pose: local coordinates, G, and 1/sin² of the distance to a singular pose.
@@ -96,13 +106,36 @@ impl Table<'_> {
         &self.model.clusters[self.c]
     }
 
+    /// True where only the unknowns of a form are in the table.
+    fn leaves_out(&self) -> bool {
+        self.form.as_ref().is_some_and(|form| !form.seeded().is_empty())
+    }
+
+    /// The seed of the independents in `q`, with all dependents; false where there is none.
+    fn seed(&mut self, seeds: &Seeds, zero: &[f64], q: &mut [f64]) -> bool {
+        let cluster = &self.model.clusters[self.c];
+        let at = cluster.coordinates();
+        let found = seeds.find(zero, q);
+        if let Some(form) = &self.form {
+            self.ws.q[at.clone()].copy_from_slice(q);
+            self.ws.start[at.clone()].copy_from_slice(zero);
+            form.complete(cluster, self.model.bodies_of(cluster), &mut self.ws.local(cluster));
+            q.copy_from_slice(&self.ws.q[at]);
+        }
+        found
+    }
+
     /// The table, and the closed form that holds in it.
     fn seeds(&mut self, tables: usize) -> Option<(Seeds, Option<Box<Formed<f64>>>)> {
         let model = self.model;
         let c = self.c;
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
-        let columns: Vec<usize> = cluster.dependent.iter().map(|v| cluster.dofs[*v].q).collect();
+        let tabled = match &self.form {
+            Some(form) if self.leaves_out() => form.seeded().iter().map(|dof| dof.v).collect(),
+            _ => cluster.dependent.clone(),
+        };
+        let columns: Vec<usize> = tabled.iter().map(|v| cluster.dofs[*v].q).collect();
         let stride = columns.len().next_multiple_of(LANES);
 
         // the zero pose and its signs
@@ -130,7 +163,7 @@ impl Table<'_> {
         let axes = (0..n).map(|k| self.axis(k, along, &origin)).collect::<Option<Vec<_>>>()?;
         let nodes = self.nodes(&axes, origin);
         let mut seeds = Seeds {
-            values: values(cluster, &zero, &columns, &axes, &nodes),
+            values: values(cluster, &zero, &tabled, &axes, &nodes),
             cells: vec![true; axes.iter().map(|axis| axis.nodes - 1).product()],
             axes,
             columns,
@@ -276,7 +309,7 @@ impl Table<'_> {
         around: &[&Node],
     ) -> bool {
         let mut q = center(&seeds.axes, zero, place);
-        if !seeds.find(zero, &mut q) {
+        if !self.seed(seeds, zero, &mut q) {
             return false;
         }
         let Some(center) = self.step(&around[0].q, &q) else { return false };
@@ -294,20 +327,23 @@ impl Table<'_> {
 fn values(
     cluster: &Cluster<f64>,
     zero: &[f64],
-    columns: &[usize],
+    tabled: &[usize],
     axes: &[Axis],
     nodes: &[Option<Node>],
 ) -> Vec<f32> {
     let grid = Grid::of_nodes(axes);
     let n = axes.len();
-    let m = columns.len();
+    let m = tabled.len();
     let stride = m.next_multiple_of(LANES);
-    let at = |number: usize, d: usize, a: usize| ((number << n) + d) * stride + a;
+    let at = |number: usize, d: usize, a: usize| {
+        (((number * stride + a / LANES * LANES) << n) + d * LANES) + a % LANES
+    };
     let mut values = vec![0.0; (grid.len() * stride) << n];
     for (number, node) in nodes.iter().enumerate() {
         let Some(node) = node else { continue };
-        for (a, (v, i)) in cluster.dependent.iter().zip(columns).enumerate() {
-            values[at(number, 0, a)] = node.q[*i] - zero[*i];
+        for (a, v) in tabled.iter().enumerate() {
+            let i = cluster.dofs[*v].q;
+            values[at(number, 0, a)] = node.q[i] - zero[i];
             for (k, axis) in axes.iter().enumerate() {
                 values[at(number, 1 << k, a)] = node.G[v * n + k] * axis.step;
             }

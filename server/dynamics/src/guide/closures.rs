@@ -183,14 +183,19 @@
 //!
 //! # Forms that are found, not named
 //!
+#![doc = include_str!("../../docs/found.svg")]
+//!
 //! Loops of type NUMERICAL, or of a type whose geometry they lack, are searched for structure; the
 //! joints that are cut do not matter. `sarrus check` prints the parts; `closed_forms: off` keeps
 //! Newton's method on all rows.
 //!
-//! **Cranks and rods** as of 2SURRPR+1U, and **pairs of links** in a plane: a link that an
-//! independent joint turns is known; then any two links that a pin C joins, each with another pin,
-//! A or B, on a known link, are the coupler and the rocker of a FOURBAR with D = B − A, one pair
-//! after the other. With X = x + R(θ) r a point of a known link:
+//! **Mechanisms of a type** with a slider or legs: SLIDERCRANK, RRPR, 2SURRPR+1U, 2SPU+1U,
+//! 2SPRR+1U.
+//!
+//! **Pairs of links** in a plane: a link that an independent joint turns is known; then any two
+//! links that a pin C joins, each with another pin, A or B, on a known link, are the coupler and
+//! the rocker of a FOURBAR with D = B − A, one pair after the other. With X = x + R(θ) r a point of
+//! a known link:
 //!
 //! ```text
 //!   D′ = B′ − A′,    X′ = x′ + θ′ J r              for ẏ_k = 1 alone
@@ -198,10 +203,31 @@
 //!   D″ = B″ − A″,    X″ = x″ + θ″ J r − θ̇² r       at ÿ = 0
 //!   θ_b″ = x · c / W,    θ_c″ = x · b / W,    x = D″ + θ̇_b² b − θ̇_c² c
 //! ```
+//! One joint of a pair may slide, or two may, and independent sliders are known links too. With g
+//! the guide, r the arm of A's link and o an offset, the rates of the two ways and turns solve
+//! c₁ σ̇₁ + c₂ σ̇₂ = D′:
+//!
+//! ```text
+//!   B slides            r = D + x g,     x = −g · D ± √(r² − (g × D)²)     c = J r, −g
+//!   C slides            D = R (o J g + x g),    x = ±√(|D|² − o²)          c = J D, g
+//!   A and B, or C too   D = x₁ g₁ + x₂ g₂                                  c = g₁, g₂
+//! ```
+//! **Rods**, one for each dependent beside their own turns: the two turns of a universal joint
+//! whose axes cross at a right angle, on a link with a ball at its other end, enter the loops only
+//! through the length ℓ of that link. With d from the center P of the universal joint to that of
+//! the ball, S, one row replaces the three of the ball:
+//!
+//! ```text
+//!   φ = ½ (|d|² − ℓ²) / ℓ,    φ̇ = d · ḋ / ℓ,    φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
+//! ```
+//! Three steps of Newton's method from the table solve these rows, by the rule of acceptance of all
+//! of them; n and m follow as those of a rod of 2SURRPR+1U. Singular where the rows are, and where
+//! z = 0, the rod along the first axis of its universal joint; the declared rows are so too.
+//!
 //! These forms answer a request without a guess at a pose to which the straight path from the zero
 //! pose is known to be regular: loading has compared them with Newton's method at every node of a
 //! table of such poses. Elsewhere, from a guess, and with another end of Newton's method, that
-//! answers.
+//! answers on the declared rows; K, k and λ are always those of these.
 //!
 //! # 6UPS
 //!

@@ -62,7 +62,7 @@ pub(crate) fn solve_sound<T: Real>(
 }
 
 /// `roundings`: how many unit roundoffs of the largest entry a pivot must have. Loops of fixed
-/// length solve the sizes that actuators of mechanisms need.
+/// length solve the sizes that actuators of mechanisms need, and rods of a platform.
 fn solve_above<T: Real>(
     A: &mut [T],
     B: &mut [T],
@@ -74,6 +74,7 @@ fn solve_above<T: Real>(
         (2, 1) => solve_of(&mut A[..4], &mut B[..2], 2, 1, roundings),
         (3, 1) => solve_of(&mut A[..9], &mut B[..3], 3, 1, roundings),
         (6, 1) => solve_of(&mut A[..36], &mut B[..6], 6, 1, roundings),
+        (6, 6) => solve_of(&mut A[..36], &mut B[..36], 6, 6, roundings),
         _ => solve_of(A, B, m, n, roundings),
     }
 }

@@ -1,15 +1,16 @@
 //! The parts in which the loops of a cluster are closed.
 
-use crate::closure::{Block, Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Step};
+use crate::closure::{Block, Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Rods, Step};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 
 /// A set of rows that determines as many joints once the parts before it are closed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// `linear` of couplings; `dyad` and `leg` in closed form; `newton`. Where a table has closed
-    /// poses ([`ClosureAtZero::seeds`](crate::ClosureAtZero)) a closed form is that of its cells,
-    /// and Newton's method on the rows answers beyond them and from a guess.
+    /// `linear` of couplings; `dyad`, `leg` and the turns of a `rod` in closed form; `newton`.
+    /// Where a table has closed poses ([`ClosureAtZero::seeds`](crate::ClosureAtZero)) a closed
+    /// form is that of its cells, and Newton's method on the rows answers beyond them and from a
+    /// guess.
     pub method: &'static str,
     /// Number of its rows, dropped ones not counted.
     pub rows: usize,
@@ -43,7 +44,9 @@ fn sets(closure: &Closure<f64>, cluster: &Cluster<f64>) -> Vec<(&'static str, Ve
         Closure::Platform(of) => of.polish.as_ref().map_or_else(|| legs(of), blocks),
         Closure::Numerical(numerical) => match numerical.form() {
             Some(Formed { form: Form::Platform(of), .. }) => legs(of),
+            Some(Formed { form: Form::Planar(_) | Form::Rrpr(_), .. }) => whole("dyad"),
             Some(Formed { form: Form::Dyads(of), .. }) => dyads(of),
+            Some(Formed { form: Form::Rods(of), .. }) => rods(of),
             None => blocks(numerical),
         },
     }
@@ -63,16 +66,23 @@ fn legs(of: &Platform<f64>) -> Vec<(&'static str, Vec<usize>)> {
 
 fn dyads(of: &Dyads<f64>) -> Vec<(&'static str, Vec<usize>)> {
     let pair = |step: &Step<f64>| match step {
-        Step::Driven(_) => None,
-        Step::Pair(pair) => Some(pair.to),
+        Step::Driven(_) | Step::DrivenSlide(_) => None,
+        Step::Pair(pair) => Some((pair.to, Vec::new())),
+        Step::SlidingPair(pair) => Some((pair.to, pair.sliders.iter().map(|x| x.joint).collect())),
     };
-    let pairs: Vec<[usize; 2]> = of.steps.iter().filter_map(pair).collect();
+    let pairs: Vec<([usize; 2], Vec<usize>)> = of.steps.iter().filter_map(pair).collect();
     // a joint between two pairs belongs to the later one
     let moves = |pin: &Pin<f64>, to: &[usize; 2]| pin.links.iter().any(|link| to.contains(link));
-    let last = |pin: &Pin<f64>| pairs.iter().rposition(|to| moves(pin, to));
+    let last = |pin: &Pin<f64>| pairs.iter().rposition(|(to, _)| moves(pin, to));
     let own = |k: usize| of.others.iter().filter(move |pin| last(pin) == Some(k));
-    let joints = |k: usize| own(k).map(|pin| pin.joint).collect();
+    let joints = |k: usize| own(k).map(|pin| pin.joint).chain(pairs[k].1.clone()).collect();
     (0..pairs.len()).map(|k| ("dyad", joints(k))).collect()
+}
+
+fn rods(of: &Rods<f64>) -> Vec<(&'static str, Vec<usize>)> {
+    let lengths = ("newton", of.unknowns.iter().map(|dof| dof.v).collect());
+    let turns = of.rods.iter().map(|rod| ("rod", rod.turns.to_vec()));
+    [lengths].into_iter().chain(turns).collect()
 }
 
 fn blocks(numerical: &Numerical<f64>) -> Vec<(&'static str, Vec<usize>)> {

@@ -5,7 +5,7 @@
 //! appends their results to the given numbers; [`Plan::run_closed`] is the rest of the plan on
 //! both. A closed form that replaces Newton's method in the cells of its table
 //! ([`crate::closure::Seeds`]) belongs to the rest: [`Plan::close`] only checks whether the state
-//! lies in such a cell.
+//! lies in such a cell, and looks up the seeds that the form starts from.
 
 use sarrus_proto::{Answer, Field, Query, Status};
 
@@ -22,7 +22,7 @@ use crate::workspace::Workspace;
 /// Numbers that [`Plan::close`] appends to the given ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClosedNumbers {
-    /// Kinds of numbers: `gain`, `start`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
+    /// Kinds of numbers: `gain`, `start`, `seed`, `q`, `cos_sin`, `G`, `qd` or `g_bias`.
     pub name: &'static str,
     /// Their tree coordinates or velocities, one row each.
     pub joints: Vec<String>,
@@ -37,8 +37,9 @@ pub(super) struct Closed {
     by_newton: Vec<usize>,
     /// Closed by the closed form that replaces it.
     by_form: Vec<usize>,
-    /// Start poses of the latter, for clusters with joints that make full turns.
+    /// Start poses of the latter, for clusters with joints that make full turns, and seeds.
     start: Vec<usize>,
+    seeds: Vec<usize>,
     /// Of the former: dependent coordinates, cosines and sines, and of dependent velocities the
     /// rows of G, q̇ and g.
     q: Vec<usize>,
@@ -68,9 +69,10 @@ impl Closed {
             }
             if let Closure::Numerical(numerical) = closure
                 && is_cold
-                && numerical.form().is_some()
+                && let Some(form) = numerical.form()
             {
                 closed.by_form.push(c);
+                closed.seeds.extend(form.seeded().iter().map(|dof| cluster.q + dof.q));
                 if !numerical.turns.is_empty() {
                     closed.start.extend(cluster.coordinates());
                 }
@@ -106,14 +108,15 @@ impl Closed {
     pub(super) fn len(&self) -> usize {
         let of_newton = self.q.len() + 2 * self.cos_sin.len() + self.G.len();
         let of_rates = self.qd.len() + self.g.len();
-        usize::from(!self.by_newton.is_empty()) + self.start.len() + of_newton + of_rates
+        let of_form = self.start.len() + self.seeds.len();
+        usize::from(!self.by_newton.is_empty()) + of_form + of_newton + of_rates
     }
 
     /// Copies the results from the workspace, in its order.
     fn save<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
         let gain = (!self.by_newton.is_empty()).then_some(gain);
         let start = self.start.iter().map(|i| ws.start[*i]);
-        let q = self.q.iter().map(|i| ws.q[*i]);
+        let q = self.seeds.iter().chain(&self.q).map(|i| ws.q[*i]);
         let mut at = 0;
         for x in gain.into_iter().chain(start).chain(q) {
             out[at] = x;
@@ -145,7 +148,7 @@ impl Closed {
             gain = next().to_branch_value(BranchValue::Gain);
         }
         self.start.iter().for_each(|i| ws.start[*i] = next());
-        self.q.iter().for_each(|i| ws.q[*i] = next());
+        self.seeds.iter().chain(&self.q).for_each(|i| ws.q[*i] = next());
         self.cos_sin.iter().for_each(|i| ws.cos_sin[*i] = (next(), next()));
         self.G.iter().for_each(|i| ws.G[*i] = next());
         self.qd.iter().for_each(|i| ws.qd[*i] = next());
@@ -177,7 +180,8 @@ impl Closed {
         }
         let (_, form) = self.form_of(model, c)?;
         hold_idle(cluster, ws);
-        for q in cluster.dependent_q.iter().map(|q| cluster.q + q) {
+        let is_seed = |q: &usize| self.seeds.contains(q);
+        for q in cluster.dependent_q.iter().map(|q| cluster.q + q).filter(|q| !is_seed(q)) {
             ws.q[q] = ws.start[q];
         }
         let bodies = model.bodies_of(cluster);
@@ -247,6 +251,7 @@ impl Plan {
         let is_by_newton = !closed.by_newton.is_empty();
         add("gain", is_by_newton.then(|| "all".to_owned()).into_iter().collect(), 1);
         add("start", closed.start.iter().map(|q| of_q(*q)).collect(), 1);
+        add("seed", closed.seeds.iter().map(|q| of_q(*q)).collect(), 1);
         add("q", closed.q.iter().map(|q| of_q(*q)).collect(), 1);
         let of_body = |i: &usize| of_v(model.bodies[*i].v);
         add("cos_sin", closed.cos_sin.iter().map(of_body).collect(), 2);
@@ -285,9 +290,7 @@ impl Plan {
             let (numerical, _) = self.closed.form_of(model, c)?;
             ws.bring_start(cluster, numerical);
             let at = cluster.coordinates();
-            if !numerical.is_in_form(&ws.start[at.clone()], &ws.q[at]) {
-                return None;
-            }
+            numerical.begin_form(&ws.start[at.clone()], &mut ws.q[at])?;
         }
         let mut report = RunReport::none();
         let mut most = 1.0;

@@ -77,6 +77,7 @@ fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
         let what = match numbers.name {
             "gain" => "by how much these closures let roundings grow",
             "start" => "where closures start",
+            "seed" => "where the steps of a closed form start",
             "q" => "coordinates of dependent joints",
             "cos_sin" => "cosine and sine of joints",
             "G" => "rows of the loop Jacobian",

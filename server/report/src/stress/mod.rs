@@ -25,7 +25,7 @@ use self::families::simulated::{
 use self::families::{
     chains, change_points, cranks_that_turn, dead_points_in_series, faulty_files, idle_freedoms,
     inconsistent_input, invalid_numbers, light_behind_heavy, loops_that_cannot_close, lost_control,
-    targets_of_tasks,
+    rods, targets_of_tasks,
 };
 use self::harness::Cases;
 use self::sweep::Family;
@@ -36,7 +36,7 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
-const FAMILIES: [Family; 44] = [
+const FAMILIES: [Family; 45] = [
     Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
     Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
     Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
@@ -97,6 +97,11 @@ const FAMILIES: [Family; 44] = [
         "inconsistent input",
         "q or qd off its loops, rad or parts of the length",
         Own(inconsistent_input::run),
+    ),
+    Family(
+        "rods",
+        "rad from the gimbal or dead point, or distance of the axes over the size",
+        Drawn([40, 400], &[], rods::one),
     ),
     Family("cranks that turn", "y, rad", Drawn([12, 300], &[], cranks_that_turn::crank)),
     Family(
@@ -221,7 +226,8 @@ mod tests {
     #[test]
     fn seeds_that_once_failed_silently_do_so_no_more() {
         type One = fn(&mut Cases, u64) -> Outcome;
-        let worst: [(One, &[u64]); 5] = [
+        let worst: [(One, &[u64]); 6] = [
+            (rods::one, &[0, 6, 9, 12, 39]),
             (dead_points_in_series::one, &[2046, 2388]),
             (light_behind_heavy::one, &[1860, 1350]),
             (change_points::one, &[297, 101, 342, 5, 233, 384, 184]),

@@ -67,6 +67,12 @@ fn parts(parts: &[Part]) -> String {
     if whole.len() <= ROOM {
         return whole;
     }
+    let rods = parts.iter().filter(|part| part.method == "rod").count();
+    if rods > 0 {
+        let rows: usize = parts.iter().map(|part| part.rows).sum();
+        let angles = rows - rods;
+        return format!("{rows} rows → {rods} rod lengths + {angles} angles in closed form");
+    }
     let equal = parts.chunk_by(|a, b| of(a) == of(b));
     let words = equal.map(|some| match some.len() {
         1 => of(&some[0]),

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::closure::Local;
 use crate::closure::constraint::rows::{CutState, place};
 use crate::closure::numerical::elimination::Elimination;
-use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sine, invert};
+use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sines, invert};
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Pose, zero};
@@ -46,9 +46,14 @@ pub(crate) struct Block {
     /// Where up to three unknowns are joints in series that carry one end of the only cut, whose
     /// rows are linear: whether that is the successor's.
     pub(crate) series: Option<bool>,
+    /// Squares of the columns' norms where they are long: a column that is much shorter belongs to
+    /// a joint whose axis passes near the point that it moves.
+    pub(crate) sizes: Vec<f64>,
+    /// Their product.
+    pub(crate) volume: f64,
     /// Squares of the levers of two or three unknowns where the rows may see a small part of them:
-    /// columns that are short turn quickly.
-    pub(crate) levers: Option<[f64; 3]>,
+    /// columns that are short turn quickly. Else zero.
+    pub(crate) levers: [f64; 3],
     /// All of its rows are couplings: one step of any length solves them.
     pub(crate) couples: bool,
     /// True when the determinant at the old unknowns changes with the new y, so that the first step
@@ -150,7 +155,7 @@ impl Block {
         let A = &mut scratch.A[..m * m];
         let inverse = &mut scratch.inverse[self.offset..self.offset + m * m];
         if m <= 3 {
-            return invert::<T, M>(A, inverse, m);
+            return invert::<T, M>(A, inverse, self.volume, m);
         }
         let squares = &mut scratch.step[..m];
         squares.fill(T::ZERO);
@@ -159,23 +164,17 @@ impl Block {
         }
         let inverted = match &self.elimination {
             Some(elimination) => elimination.invert(A, inverse, &mut scratch.spare),
-            None => invert::<T, M>(A, inverse, m),
+            None => invert::<T, M>(A, inverse, self.volume, m),
         };
-        let gain = inverse_square_sine(inverse, squares, m);
-        Inverted { accurate: accurate(T::ONE, gain), gain, ..inverted }
+        let [near, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
+        Inverted { accurate: accurate(T::ONE, near), near, gain, ..inverted }
     }
 
     /// 1/sin²α of a narrow block, whose columns have these squares, for the trust region: each
     /// column counts as its lever where that is longer.
     #[inline(always)]
-    pub(super) fn trust_gain<T: Real>(&self, inverse: &[T], squares: &[T], near: T) -> T {
-        let Some(levers) = &self.levers else { return near };
-        let mut longer = [T::ZERO; 3];
-        for ((x, square), lever) in longer.iter_mut().zip(squares).zip(levers) {
-            let lever = T::from_f64(*lever);
-            *x = T::select_lt(*square, lever, lever, *square);
-        }
-        inverse_square_sine(inverse, &longer, squares.len())
+    pub(super) fn trust_gain<T: Real>(&self, inverse: &[T], squares: &[T]) -> T {
+        inverse_square_sines(inverse, squares, &self.levers, squares.len())[1]
     }
 
     #[inline(always)]
@@ -319,7 +318,7 @@ impl BlockCut {
     /// A number of row k in the unit of the others, so that the block's determinant and residual
     /// mean something.
     #[inline(always)]
-    pub(super) fn in_lengths<T: Real>(&self, k: usize, x: T) -> T {
+    pub(crate) fn in_lengths<T: Real>(&self, k: usize, x: T) -> T {
         match self.units.get(k) {
             Some(unit) => x * T::from_f64(*unit),
             None => x,

@@ -46,7 +46,7 @@ impl Elimination {
         let (sound, det) = in_order
             .filter(|(sound, _)| *sound)
             .unwrap_or_else(|| Elimination::pivoted(A, inverse, spare, m));
-        Inverted { sound, accurate: true, gain: T::ONE, det }
+        Inverted { sound, accurate: true, near: T::ONE, gain: T::ONE, det }
     }
 
     /// L U without the structural zeros, then the inverse row by row.

@@ -36,44 +36,59 @@ pub(in crate::closure) struct Inverted<T: Real> {
     pub(in crate::closure) accurate: bool,
     /// 1/sin² of the angle that vanishes where the matrix is singular; 1 of one row, whose callers
     /// compute it.
+    pub(in crate::closure) near: T,
+    /// Growth of roundings: 1/sin² with the lengths of columns against those elsewhere.
     pub(in crate::closure) gain: T,
     pub(in crate::closure) det: T,
 }
 
 impl<T: Real> Inverted<T> {
-    /// |det| against the product of the column norms: rotating and sliding joints have columns of
-    /// different units.
+    /// |det| against the product of the column norms, as rotating and sliding joints have columns
+    /// of different units; the gain also against the norms elsewhere.
     #[inline(always)]
-    fn narrow(A: &[T], m: usize, det: T) -> Inverted<T> {
+    fn narrow(A: &[T], volume: f64, m: usize, det: T) -> Inverted<T> {
         let squares = (0..m).fold(T::ONE, |product, j| product * column_square(A, m, m, j));
         let below = |floor: f64| (det * det).lt(squares * T::from_f64(floor));
         Inverted {
             sound: !below(ROOTS * ROOTS * T::EPSILON) & T::ZERO.lt(det * det),
             accurate: accurate(det * det, squares),
-            gain: squares / (det * det),
+            near: squares / (det * det),
+            gain: longer(squares, volume) / (det * det),
             det,
         }
     }
 }
 
+/// The square of a column's norm, or of its norm elsewhere where that is larger, and the same of
+/// products: a joint whose axis passes near the point that it moves turns quickly, however
+/// independent its column is.
+#[inline(always)]
+fn longer<T: Real>(square: T, size: f64) -> T {
+    let size = T::from_f64(size);
+    T::select_lt(square, size, size, square)
+}
+
 /// Inverse of A (m × m): closed form up to 3×3, elimination in the order fixed at load beyond.
+/// `volume`: product of the squares of the columns' norms elsewhere.
 #[inline(always)]
 pub(in crate::closure) fn invert<T: Real, const M: usize>(
     A: &mut [T],
     inverse: &mut [T],
+    volume: f64,
     m: usize,
 ) -> Inverted<T> {
     match if M == ANY { m } else { M } {
         1 => {
             inverse[0] = T::ONE / A[0];
-            Inverted { sound: T::ZERO.lt(A[0].abs()), accurate: true, gain: T::ONE, det: A[0] }
+            let sound = T::ZERO.lt(A[0].abs());
+            Inverted { sound, accurate: true, near: T::ONE, gain: T::ONE, det: A[0] }
         }
         2 => {
             let det = A[0].mul_add(A[3], -(A[1] * A[2]));
             let d = T::ONE / det;
             (inverse[0], inverse[1], inverse[2], inverse[3]) =
                 (A[3] * d, -(A[1] * d), -(A[2] * d), A[0] * d);
-            Inverted::narrow(A, 2, det)
+            Inverted::narrow(A, volume, 2, det)
         }
         3 => {
             let minor = |a: usize, b: usize, c: usize, d: usize, A: &[T]| {
@@ -98,30 +113,34 @@ pub(in crate::closure) fn invert<T: Real, const M: usize>(
             for (x, y) in inverse.iter_mut().zip(adjugate) {
                 *x = y * d;
             }
-            Inverted::narrow(A, 3, det)
+            Inverted::narrow(A, volume, 3, det)
         }
         _ => {
             for (k, x) in inverse.iter_mut().enumerate() {
                 *x = if k / m == k % m { T::ONE } else { T::ZERO };
             }
             let (sound, det) = solve_unpivoted(A, inverse, m, m, least_pivot::<T>());
-            Inverted { sound, accurate: true, gain: T::ONE, det }
+            Inverted { sound, accurate: true, near: T::ONE, gain: T::ONE, det }
         }
     }
 }
 
 /// 1/sin² of the least angle between a column of the matrix, whose squared norms are given, and the
-/// span of the others: row i of the inverse has the norm 1/sin over that of column i.
+/// span of the others, and the same of columns as long as elsewhere: row i of the inverse has the
+/// norm 1/sin over that of column i.
 #[inline(always)]
-pub(in crate::closure) fn inverse_square_sine<T: Real>(
+pub(in crate::closure) fn inverse_square_sines<T: Real>(
     inverse: &[T],
     squares: &[T],
+    sizes: &[f64],
     m: usize,
-) -> T {
-    let mut inverse_square_sine = T::ZERO;
-    for (row, square) in inverse.chunks_exact(m).zip(squares) {
-        let x = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum)) * *square;
-        inverse_square_sine = T::select_lt(inverse_square_sine, x, x, inverse_square_sine);
+) -> [T; 2] {
+    let larger = |a: T, b: T| T::select_lt(a, b, b, a);
+    let mut largest = [T::ZERO; 2];
+    for ((row, square), size) in inverse.chunks_exact(m).zip(squares).zip(sizes) {
+        let of_row = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum));
+        largest[0] = larger(largest[0], of_row * *square);
+        largest[1] = larger(largest[1], of_row * longer(*square, *size));
     }
-    inverse_square_sine
+    largest
 }

@@ -16,6 +16,7 @@ mod form;
 mod inverse;
 mod jacobian;
 mod newton;
+mod rods;
 pub(crate) mod seeds;
 mod series;
 mod straight;
@@ -36,6 +37,7 @@ use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 pub(crate) use form::{Form, Formed};
+pub(crate) use rods::{Mover, Rod, Rods, screw};
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;
@@ -339,6 +341,9 @@ impl<T: Real> Numerical<T> {
     ) -> Option<Outcome> {
         if !seeds.find(local.start, local.q) {
             return None;
+        }
+        if let Some(form) = &self.form {
+            form.complete(cluster, bodies, local);
         }
         for (branch, sign) in local.scratch.branch.iter_mut().zip(&seeds.signs) {
             *branch = T::from_f64(*sign);

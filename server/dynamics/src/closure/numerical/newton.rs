@@ -36,18 +36,18 @@ use crate::closure::Local;
 use crate::closure::constraint::rows::base;
 use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, by_width};
-use crate::closure::numerical::inverse::{Inverted, inverse_square_sine};
+use crate::closure::numerical::inverse::Inverted;
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster, Motion, turn_some};
 use crate::scalar::Real;
 
 /// Largest first step, in radians or cluster lengths.
-const TRUST: f64 = 0.5;
+pub(super) const TRUST: f64 = 0.5;
 /// Part of a block's distance to singularity that independents and first step may go: a longer path
 /// could lead through a place where the loops do not close, and out of it on the other side.
-const CAUTION: f64 = 0.7;
+pub(super) const CAUTION: f64 = 0.7;
 /// A Newton step must be at most this fraction of the one before.
-const CONTRACTION: f64 = 0.3;
+pub(super) const CONTRACTION: f64 = 0.3;
 /// Part of the distance to singularity below which a step of a wide block keeps its inverse.
 const STEADY: f64 = 0.01;
 /// Most rows of a block whose inverse costs less than several residuals.
@@ -221,11 +221,11 @@ impl Block {
             let fresh = !tiny && !kept;
             let residual = self.evaluate::<T, M>(cluster, local, fresh);
             if k == 0 {
-                let near;
-                (near, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
+                let gain;
+                (gain, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
                 attempt.gain = match self.width::<M>() {
                     1 => self.lever_gain(cluster, local),
-                    _ => near,
+                    _ => gain,
                 };
             } else if fresh {
                 attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
@@ -304,13 +304,12 @@ impl Block {
         attempt.det = start.branch.unwrap_or(inverted.det);
         attempt.check_branch(&inverted);
         if m > 3 {
-            return (inverted.gain, inverted.gain);
+            return (inverted.gain, inverted.near);
         }
         let scratch = &*local.scratch;
         let inverse = &scratch.inverse[self.offset..self.offset + m * m];
         let squares = &scratch.step[..m];
-        let near = inverse_square_sine(inverse, squares, m);
-        (near, self.trust_gain(inverse, squares, near))
+        (inverted.gain, self.trust_gain(inverse, squares))
     }
 
     /// q ← q − A⁻¹ φ unless the attempt has converged; returns the size of the step.

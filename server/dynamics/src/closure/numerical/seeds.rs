@@ -16,9 +16,10 @@
 //! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
 //! answers.
 //!
-//! **Closed form.** A mechanism of cranks and rods ([`crate::closure::RodLeg`]) whose closed form
-//! agrees with Newton's method at every corner and every center of these cells is closed by it
-//! there: in a cell γ is one smooth function, and so is the closed form.
+//! **Closed form.** A mechanism of which a form ([`crate::closure::Form`]) agrees with Newton's
+//! method at every corner and every center of these cells is closed by it there: in a cell γ is one
+//! smooth function, and so is the form. A form that itself starts from a seed has only its unknowns
+//! in the table; the other dependents of a seed follow from these.
 
 use crate::scalar::Real;
 
@@ -26,8 +27,8 @@ use crate::scalar::Real;
 pub(crate) const LANES: usize = 4;
 /// Most independents of a cluster with seeds.
 pub(crate) const MOST: usize = 3;
-/// Most corners of a cell times derivatives at each.
-const TERMS: usize = 1 << (2 * MOST);
+/// Most corners of a cell, and derivatives at each.
+const SIDES: usize = 1 << MOST;
 
 /// Closed poses around the zero pose, by cubic interpolation.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +38,7 @@ pub(crate) struct Seeds {
     /// The local coordinates that are tabulated.
     pub(crate) columns: Vec<usize>,
     /// The coordinates relative to the zero pose and their derivatives by the axes of the bits of
-    /// d, times the steps of these axes: (node, d, columns padded).
+    /// d, times the steps of these axes: (node, columns by lanes, d, lane).
     pub(crate) values: Vec<f32>,
     /// Cells that are used.
     pub(crate) cells: Vec<bool>,
@@ -93,32 +94,40 @@ impl Seeds {
     /// The seed of the independents in `q` into its dependents; false where there is none. `start`
     /// is the zero pose, turned round by whole turns.
     pub(crate) fn find<T: Real>(&self, start: &[T], q: &mut [T]) -> bool {
+        match self.axes.len() {
+            1 => self.find_along::<T, 1>(start, q),
+            2 => self.find_along::<T, 2>(start, q),
+            _ => self.find_along::<T, MOST>(start, q),
+        }
+    }
+
+    fn find_along<T: Real, const N: usize>(&self, start: &[T], q: &mut [T]) -> bool {
         let Some((node, along)) = self.cell(start, q) else { return false };
         let along = along.map(hermite);
 
-        // products of the weights, with the places of the values
-        let n = self.axes.len();
-        let stride = self.stride();
-        let mut terms = [(0, 0.0); TERMS];
-        let mut count = 0;
-        for corner in 0..1 << n {
+        // where the corners have their values, and products of the weights of their derivatives
+        let of_columns = LANES << N;
+        let mut first = [0; SIDES];
+        let mut weights = [[0.0; SIDES]; SIDES];
+        for corner in 0..1 << N {
             let mut at = 0;
             for (a, axis) in self.axes.iter().enumerate() {
                 at = at * axis.nodes + (corner >> a & 1);
             }
-            for d in 0..1 << n {
-                let weight = (0..n).fold(1.0, |w, a| w * along[a][corner >> a & 1][d >> a & 1]);
-                terms[count] = ((((node + at) << n) + d) * stride, weight);
-                count += 1;
+            first[corner] = (node + at) * (self.stride() << N);
+            for (d, weight) in weights[corner][..1 << N].iter_mut().enumerate() {
+                *weight = (0..N).fold(1.0, |w, a| w * along[a][corner >> a & 1][d >> a & 1]);
             }
         }
-        for (columns, first) in self.columns.chunks(LANES).zip((0..).step_by(LANES)) {
+        for (chunk, columns) in self.columns.chunks(LANES).enumerate() {
             let mut sum = [0.0; LANES];
-            for &(place, weight) in &terms[..count] {
-                let values = self.values[place + first..].first_chunk::<LANES>();
-                let values = values.unwrap_or(&[0.0; LANES]);
-                for k in 0..LANES {
-                    sum[k] = f64::from(values[k]).mul_add(weight, sum[k]);
+            for (first, weights) in first.iter().zip(&weights).take(1 << N) {
+                let values = self.values.get(first + chunk * of_columns..).unwrap_or(&[]);
+                let (values, _) = values.as_chunks::<LANES>();
+                for (values, weight) in values.iter().zip(&weights[..1 << N]) {
+                    for k in 0..LANES {
+                        sum[k] = f64::from(values[k]).mul_add(*weight, sum[k]);
+                    }
                 }
             }
             for (i, x) in columns.iter().zip(sum) {

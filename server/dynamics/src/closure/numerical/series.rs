@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use crate::closure::constraint::rows::{base, cos_sin_of};
 use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, RowKind};
-use crate::closure::numerical::inverse::{Inverted, inverse_square_sine, invert};
+use crate::closure::numerical::inverse::{Inverted, invert};
 use crate::closure::numerical::newton::{Attempt, Start, Thresholds};
 use crate::closure::{Level, Local, column_unit};
 use crate::linalg::column_square;
@@ -162,7 +162,6 @@ impl Block {
         let unit = T::from_f64(1.0 / cluster.length);
         let mut A = [T::ZERO; NINE];
         let mut inverse = [T::ZERO; NINE];
-        let mut near = T::ZERO;
         let mut trust = T::ZERO;
         let mut taken = 0;
         for k in 0..end.steps {
@@ -177,16 +176,15 @@ impl Block {
                     (0..M).for_each(|i| A[i * M + a] = column[i]);
                 }
                 let squares: [T; M] = from_fn(|a| column_square(&A, M, M, a));
-                let inverted = invert::<T, M>(&mut A[..M * M], &mut inverse[..M * M], M);
+                let inverted =
+                    invert::<T, M>(&mut A[..M * M], &mut inverse[..M * M], self.volume, M);
                 if k == 0 {
                     attempt.det = start.branch.unwrap_or(inverted.det);
-                    near = inverse_square_sine(&inverse[..M * M], &squares, M);
-                    trust = self.trust_gain(&inverse[..M * M], &squares, near);
+                    trust = self.trust_gain(&inverse[..M * M], &squares);
                 }
                 attempt.check_branch(&inverted);
-                attempt.gain = match (M, k) {
-                    (1, _) => self.lever_gain_of(cluster, inverse[0]),
-                    (_, 0) => near,
+                attempt.gain = match M {
+                    1 => self.lever_gain_of(cluster, inverse[0]),
                     _ => inverted.gain,
                 };
             }
@@ -268,7 +266,8 @@ impl Block {
             moves / square(A[0], dofs[0].v)
         });
         let inverse = &mut scratch.inverse[self.offset..self.offset + M * M];
-        let Inverted { sound, accurate, gain, .. } = invert::<T, M>(&mut A[..M * M], inverse, M);
+        let Inverted { sound, accurate, gain, .. } =
+            invert::<T, M>(&mut A[..M * M], inverse, self.volume, M);
         for (i, dof) in dofs.iter().enumerate() {
             let row = &mut local.G[dof.v * n_vy..(dof.v + 1) * n_vy];
             for (g, B) in row.iter_mut().zip(&B) {

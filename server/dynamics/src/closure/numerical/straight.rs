@@ -3,7 +3,7 @@
 
 use crate::closure::constraint::rows::local_poses;
 use crate::closure::numerical::Numerical;
-use crate::closure::numerical::inverse::{ANY, inverse_square_sine};
+use crate::closure::numerical::inverse::ANY;
 use crate::closure::{Level, Local};
 use crate::linalg::column_square;
 use crate::mechanism::{Body, Cluster};
@@ -31,11 +31,11 @@ impl<T: Real> Numerical<T> {
         let inverted = block.invert::<T, ANY>(local);
         let scratch = &*local.scratch;
         let inverse_square_sine = if m > 3 {
-            inverted.gain
+            inverted.near
         } else {
             let inverse = &scratch.inverse[block.offset..block.offset + m * m];
             let squares = &scratch.step[..m];
-            block.trust_gain(inverse, squares, inverse_square_sine(inverse, squares, m))
+            block.trust_gain(inverse, squares)
         };
         let size = block.step::<T, ANY>(local, cluster.length, false);
         [size, residual, inverted.det, inverse_square_sine]

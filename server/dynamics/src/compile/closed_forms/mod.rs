@@ -3,6 +3,7 @@
 
 mod agreement;
 mod dyads;
+mod lengths;
 mod loops;
 mod parallelogram;
 mod planar;
@@ -113,15 +114,23 @@ pub(super) fn recognised(
     zero: &[Dd],
     rounding: f64,
 ) -> Option<Box<Formed<Dd>>> {
-    let of = Reading::new(cluster, bodies, &[], zero);
-    if of.open(zero) > rounding {
+    let order: Vec<usize> = (0..cluster.n).collect();
+    let of = Reading::new(cluster, bodies, &order, zero);
+    if !of.is_closed || of.open(zero) > rounding {
         return None;
     }
     let fits = |deviations: &[Deviation]| size(deviations) <= rounding;
-    let rods = rods::read(&of).ok().filter(|form| fits(&form.deviations));
-    let form = match rods.map(|form| form.closure) {
+    let named = [rods::read(&of), planar::read(&of, true)].into_iter();
+    let legs = [false, true].into_iter().map(|offsets| platform::read(&of, offsets));
+    let mut named = named.chain(legs).flatten().filter(|form| fits(&form.deviations));
+    let form = match named.next().map(|form| form.closure) {
         Some(Closure::Platform(platform)) => closure::Form::Platform(platform),
-        _ => closure::Form::Dyads(dyads::read(&of).ok().filter(|of| fits(&of.1))?.0),
+        Some(Closure::Planar(planar)) => closure::Form::Planar(planar),
+        Some(Closure::Rrpr(rrpr)) => closure::Form::Rrpr(rrpr),
+        _ => match dyads::read(&of).ok().filter(|of| fits(&of.1)) {
+            Some((dyads, _)) => closure::Form::Dyads(dyads),
+            None => closure::Form::Rods(lengths::read(&of).ok().filter(|of| fits(&of.1))?.0),
+        },
     };
     Some(Box::new(Formed { form, windings: Vec::new() }))
 }

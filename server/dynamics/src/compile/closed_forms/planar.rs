@@ -221,7 +221,7 @@ pub(super) fn minus(x: &Plane, y: &Plane) -> Plane {
     [x[0] - y[0], x[1] - y[1]]
 }
 
-fn inner(x: &Plane, y: &Plane) -> Dd {
+pub(super) fn inner(x: &Plane, y: &Plane) -> Dd {
     x[0] * y[0] + x[1] * y[1]
 }
 

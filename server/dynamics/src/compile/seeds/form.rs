@@ -1,5 +1,7 @@
 //! Compares a closed form with the poses of a table: where both agree it replaces Newton's method.
 
+use sarrus_proto::Status;
+
 use crate::closure::{Formed, Level, Seeds, column_unit};
 use crate::compile::seeds::grid::{Grid, center};
 use crate::compile::seeds::{ERROR, Node, Table};
@@ -19,7 +21,7 @@ impl Table<'_> {
         zero: &[f64],
         nodes: &[Option<Node>],
     ) -> Option<Box<Formed<f64>>> {
-        let mut form = self.numerical.form.clone()?;
+        let mut form = self.form.clone()?;
         let grid = Grid::of_cells(&seeds.axes);
         let corners = Grid::of_nodes(&seeds.axes);
         let used =
@@ -46,10 +48,11 @@ impl Table<'_> {
                 form.windings.push(winding);
             }
         }
+        self.form = Some(form.clone());
         let holds = used().all(|place| {
             let mut center = center(&seeds.axes, zero, &place);
             let at_center =
-                seeds.find(zero, &mut center) && self.form_is_at(&form, &center, 2.0 * ERROR);
+                self.seed(seeds, zero, &mut center) && self.form_is_at(&form, &center, 2.0 * ERROR);
             at_center
                 && corners.corners(&place).all(|corner| {
                     let at_corner = |node: &Node| self.form_is_at(&form, &node.q, AGREES);
@@ -68,11 +71,12 @@ impl Table<'_> {
         self.ws.q[at.clone()].copy_from_slice(q);
         self.ws.start[at.clone()].copy_from_slice(q);
         let bodies = model.bodies_of(cluster);
-        form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
-        cluster.dependent.iter().all(|v| {
+        let outcome = form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
+        let agrees = |v: &usize| {
             let i = cluster.dofs[*v].q;
             let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
             apart < allowed
-        })
+        };
+        outcome.status == Status::Ok && cluster.dependent.iter().all(agrees)
     }
 }

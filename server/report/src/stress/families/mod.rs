@@ -16,5 +16,6 @@ pub(super) mod loops_that_cannot_close;
 pub(super) mod lost_control;
 pub(super) mod open_loops;
 pub(super) mod poses;
+pub(super) mod rods;
 pub(super) mod simulated;
 pub(super) mod targets_of_tasks;

@@ -236,37 +236,67 @@ pub(crate) fn spatial(random: &mut Random, stages: usize) -> Outcome<Train> {
     for k in 0..stages {
         let delta = random.scale(0.005, 0.1);
         (sines, least) = (sines * delta.sin(), least.min(delta));
-        (on, tip) = rod(random, &mut of, k, (on, BASE), tip, delta);
+        (on, tip) = rod(random, &mut of, k, (on, BASE), tip, &RodAt::of(delta));
     }
     of.independent([first]).active([if random.coin() { first } else { on }]);
     Ok(Train { description: of.build()?, y: vec![0.0], sines, least })
 }
 
-/// A rod from a point of a link to a lever on another link, δ from its dead point; returns the
-/// lever and a point of it.
+/// A rod δ from its dead point, its universal joint across it unless stated otherwise.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RodAt {
+    pub(crate) delta: f64,
+    /// Angle between the rod and the first axis.
+    pub(crate) gimbal: Option<f64>,
+    /// Distance between the axes.
+    pub(crate) gap: f64,
+}
+
+impl RodAt {
+    fn of(delta: f64) -> RodAt {
+        RodAt { delta, ..RodAt::default() }
+    }
+}
+
+/// A crank and a lever with such a rod between.
+pub(crate) fn one_rod(random: &mut Random, at: &RodAt) -> Outcome<Description> {
+    let mut of = begun(random, Kind::Numerical);
+    let [axis, tip] = rotation(random);
+    let crank = joint(&mut of, BASE, Turn, [0.0; 3], axis);
+    rod(random, &mut of, 0, (crank, BASE), tip, at);
+    finish(of, &[crank], &[crank])
+}
+
+/// A rod from a point of a link to a lever on another link; returns the lever and a point of it.
 fn rod(
     random: &mut Random,
     of: &mut DescriptionBuilder,
     k: usize,
     (from, to): (LinkId, LinkId),
     foot: [f64; 3],
-    delta: f64,
+    at: &RodAt,
 ) -> (LinkId, [f64; 3]) {
     let [axis, lever] = rotation(random);
     let across = cross_product(axis, lever);
-    let (s, c) = delta.sin_cos();
+    let (s, c) = at.delta.sin_cos();
     let (sb, cb) = random.between(-0.8, 0.8).sin_cos();
     let [length, arm, next] = [(); 3].map(|()| random.between(0.5, 1.5));
     let along: [f64; 3] =
         std::array::from_fn(|i| c * (cb * lever[i] + sb * axis[i]) + s * across[i]);
     let head: [f64; 3] = std::array::from_fn(|i| foot[i] + length * along[i]);
     let pivot: [f64; 3] = std::array::from_fn(|i| head[i] - arm * lever[i]);
-    // two axes across the rod
-    let level = cross_product(along, axis);
+    // two axes across the rod, or the first one near it
+    let mut level = cross_product(along, axis);
     let upright = cross_product(along, level);
+    if let Some(angle) = at.gimbal {
+        let size = level.iter().map(|x| x * x).sum::<f64>().sqrt();
+        level = std::array::from_fn(|i| angle.cos() * along[i] + angle.sin() * level[i] / size);
+    }
+    let common = cross_product(level, upright);
+    let beside: [f64; 3] = std::array::from_fn(|i| foot[i] + at.gap * common[i]);
     of.default_inertial(inertial(random));
     let turn = joint(of, from, Turn, foot, level);
-    let shaft = joint(of, turn, Turn, foot, upright);
+    let shaft = joint(of, turn, Turn, beside, upright);
     of.default_inertial(inertial(random));
     let rocker = joint(of, to, Turn, pivot, axis);
     of.cut(format!("ball{k}"), shaft, rocker).at(head).joint(CutJoint::Spherical);
@@ -289,10 +319,10 @@ pub(crate) fn leg(random: &mut Random) -> Outcome<Description> {
         independent.push(crank);
         let delta = random.scale(0.02, 0.2);
         let foot = [(); 3].map(|()| random.between(-0.6, 0.6));
-        let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, delta);
+        let (lever, tip) = rod(random, &mut of, k, (crank, on), foot, &RodAt::of(delta));
         // one rod moves the next
         let delta = random.scale(0.05, 0.5);
-        let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, delta);
+        let (last, _) = rod(random, &mut of, k + 3, (lever, on), tip, &RodAt::of(delta));
         if k == 2 {
             on = last;
         }

@@ -1,0 +1,452 @@
+//! Rods that only hold a distance: links between a universal joint and a ball, whose own two turns
+//! enter no loop but through the rod's length. With d = p_S − p_P from the center P of the
+//! universal joint to that of the ball, S, each of them is one row,
+//!
+//! ```text
+//!   φ = ½ (|d|² − ℓ²) / ℓ        φ̇ = d · ḋ / ℓ        φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
+//! ```
+//! and Newton's method solves these for the other dependents from a seed, by the rule of
+//! [`super::newton`]. The two turns follow in closed form ([`Universal`]), with the sign of the
+//! root at the zero pose: inside the cells of a table it cannot change, as the declared rows are
+//! singular where the root is zero.
+
+use nalgebra::Vector3;
+
+use crate::closure::constraint::rates::rate_of;
+use crate::closure::constraint::rows::place;
+use crate::closure::numerical::inverse::{accurate, inverse_square_sines};
+use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
+use crate::closure::{Level, Local, MOST, Rate, Scratch, Twist, Universal, Validity};
+use crate::linalg::solve_pivoted;
+use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
+use crate::scalar::{Real, Triple, constants};
+use crate::spatial::{Matrix, Pose, zero};
+
+/// Steps from a seed; the first takes an inverse of its own, the second after a first above
+/// ε^(1/4).
+pub(super) const STEPS: usize = 3;
+/// Roundings below which the last step may stay.
+const ROUNDINGS: f64 = 64.0;
+
+/// A mechanism whose rows are those of such rods.
+#[derive(Clone, Debug)]
+pub(crate) struct Rods<T> {
+    /// The dependents that are no turns of rods, as many as rods.
+    pub(crate) unknowns: Vec<Dof>,
+    /// In the order of the pivots at zero.
+    pub(crate) rods: Vec<Rod<T>>,
+    /// Bodies between the cluster's parent body and the rods that stand still while the unknowns
+    /// change, and those that move.
+    pub(crate) before: Vec<usize>,
+    pub(crate) moving: Vec<usize>,
+    /// Turning joints of both kinds and of the rods: indices of cosine and sine, and coordinate.
+    pub(crate) given: Vec<(usize, usize)>,
+    pub(crate) turned: Vec<(usize, usize)>,
+    pub(crate) found: Vec<(usize, usize)>,
+    /// Sign of the determinant at the zero pose.
+    pub(crate) sign: f64,
+    /// Squares of the columns' norms if the rods were along the velocities of their ends.
+    pub(crate) sizes: Vec<f64>,
+}
+
+constants! { Rods:
+    keep unknowns before moving given turned found sign sizes;
+    each rods;
+}
+
+/// A rod between two bodies.
+#[derive(Clone, Debug)]
+pub(crate) struct Rod<T> {
+    /// The universal joint on the carrier, with its velocities.
+    pub(crate) universal: Universal<T>,
+    pub(crate) turns: [usize; 2],
+    /// The body that carries it and the one with the ball; P and S in these.
+    pub(crate) bodies: [usize; 2],
+    pub(crate) center: Vector3<T>,
+    pub(crate) ball: Vector3<T>,
+    /// 1 / ℓ.
+    pub(crate) inverse_length: T,
+    /// Freedoms that move one body against the other.
+    pub(crate) path: Vec<Mover>,
+}
+
+constants! { Rod:
+    keep turns bodies path;
+    number inverse_length;
+    map universal center ball;
+}
+
+/// A joint on the way from one end of a rod to the other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mover {
+    pub(crate) joint: usize,
+    /// It moves the ball, not the universal joint.
+    pub(crate) of_ball: bool,
+    /// Its number among the unknowns, or in y.
+    pub(crate) column: Result<usize, usize>,
+}
+
+/// Twist of a joint for a unit of its rate.
+#[inline(always)]
+pub(crate) fn screw<T: Real>(motion: Motion, pose: &Pose<T>) -> Twist<T> {
+    let axis = pose.R.col(2);
+    if motion == Motion::Prismatic { [zero(), axis] } else { [axis, pose.p.cross(axis)] }
+}
+
+/// A rod at a pose {cluster's parent body}: S, and d.
+struct At<T> {
+    ball: Vector3<T>,
+    d: Vector3<T>,
+}
+
+impl<T: Real> Rod<T> {
+    #[inline(always)]
+    fn at(&self, pose: &[Pose<T>]) -> At<T> {
+        let ball = pose[self.bodies[1]].point(&self.ball);
+        At { ball, d: ball - pose[self.bodies[0]].point(&self.center) }
+    }
+
+    /// φ.
+    #[inline(always)]
+    fn residual(&self, at: &At<T>) -> T {
+        let square = at.d.dot(at.d) - self.universal.length_square;
+        square * (T::from_f64(0.5) * self.inverse_length)
+    }
+
+    /// ḋ, and d̈ at q̈ = 0.
+    #[inline(always)]
+    fn moved(&self, at: &At<T>, pose: &[Pose<T>], rate: &[Rate<T>]) -> [Vector3<T>; 2] {
+        let of = |body: usize, point: Vector3<T>| {
+            let x = &rate[body];
+            let r = point - pose[body].p;
+            let v = x.v.add_cross(x.w, r);
+            (v, x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r)))
+        };
+        let (v_ball, a_ball) = of(self.bodies[1], at.ball);
+        let (v_center, a_center) = of(self.bodies[0], at.ball - at.d);
+        [v_ball - v_center, a_ball - a_center]
+    }
+}
+
+impl<T: Real> Rods<T> {
+    /// The position, velocity and acceleration level from the unknowns in `local.q`.
+    #[inline(never)]
+    pub(crate) fn close(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Validity<T> {
+        match self.unknowns.len() {
+            6 if T::UNROLLED => self.close_for::<6>(cluster, bodies, local, level),
+            _ => self.close_for::<0>(cluster, bodies, local, level),
+        }
+    }
+
+    /// For M unknowns, or for any number of them.
+    fn close_for<const M: usize>(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Validity<T> {
+        self.place_all(cluster, bodies, local);
+        let (mut good, mut gain) = self.newton::<M>(cluster, bodies, local);
+        if level > Level::Position {
+            let (sound, at_pose) = self.jacobian::<M>(cluster, local, level);
+            good &= sound;
+            gain = at_pose;
+        }
+        if level >= Level::Acceleration {
+            self.bias::<M>(cluster, bodies, local);
+        }
+        if level > Level::Position {
+            self.displace(cluster, local, level);
+        }
+        Validity { singular: !good, gain, ..Validity::fine() }
+            .then(self.turn(cluster, local, level))
+    }
+
+    /// The turns of the rods where the unknowns in `local.q` have them, which need not hold the
+    /// distances.
+    pub(crate) fn complete(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+    ) {
+        self.place_all(cluster, bodies, local);
+        self.turn(cluster, local, Level::Position);
+    }
+
+    /// Poses of the bodies between which rods are.
+    fn place_all(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+        turn(&self.given, local.q, local.cos_sin);
+        local.scratch.pose[0] = Pose::identity();
+        place_some(&self.before, cluster, bodies, local);
+        self.place_moving(cluster, bodies, local);
+    }
+
+    #[inline(always)]
+    fn place_moving(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+        turn(&self.turned, local.q, local.cos_sin);
+        place_some(&self.moving, cluster, bodies, local);
+    }
+
+    /// The turns of the rods at these poses, and their rates.
+    #[inline(always)]
+    fn turn(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let mut validity = Validity::fine();
+        for rod in &self.rods {
+            validity = validity.or(rod.turn(cluster, local, level));
+        }
+        read_turns(&self.found, local.cos_sin, local.q);
+        validity
+    }
+
+    #[inline(always)]
+    fn width<const M: usize>(&self) -> usize {
+        if M == 0 { self.unknowns.len() } else { M }
+    }
+
+    /// The unknowns, and the poses where these are; whether the steps pass the
+    /// rule of [`super::newton`], and 1/sin² of the angle that vanishes at a singular pose.
+    #[inline(always)]
+    fn newton<const M: usize>(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+    ) -> (bool, T) {
+        let m = self.width::<M>();
+        let unit = T::from_f64(1.0 / cluster.length);
+        let chord = T::from_f64(T::EPSILON.sqrt().sqrt());
+        let mut good = true;
+        let mut gain = T::ONE;
+        let mut sizes = [T::ZERO; STEPS];
+        for k in 0..STEPS {
+            let fresh = k == 0 || k == 1 && !sizes[0].lt(chord);
+            if fresh {
+                let scratch = &mut *local.scratch;
+                self.matrix::<M>(&scratch.pose, &scratch.screw, &mut scratch.A, |_, _, _| ());
+                let (sound, at_pose) = self.invert::<M>(local);
+                good &= sound;
+                gain = at_pose;
+            }
+            // Δ = A⁻¹ φ, q ← q − Δ
+            let scratch = &mut *local.scratch;
+            for (i, rod) in self.rods[..m].iter().enumerate() {
+                scratch.phi[i] = rod.residual(&rod.at(&scratch.pose));
+            }
+            for (i, dof) in self.unknowns[..m].iter().enumerate() {
+                let row = &scratch.inverse[i * m..(i + 1) * m];
+                let step = (row.iter().zip(&scratch.phi[..m]))
+                    .fold(T::ZERO, |sum, (x, phi)| x.mul_add(*phi, sum));
+                dof.advance(local.q, -step);
+                let size = if dof.slides() { step.abs() * unit } else { step.abs() };
+                sizes[k] = sizes[k].larger(size);
+            }
+            self.place_moving(cluster, bodies, local);
+        }
+        let [first, second, last] = sizes;
+        let rounding = T::from_f64(ROUNDINGS * T::EPSILON);
+        let least = rounding * rounding * gain;
+        let left = (T::from_f64(T::EPSILON / 16.0) * second).larger(least);
+        good &= first.lt(T::from_f64(TRUST));
+        good &= (first * first * gain).lt(T::from_f64(CAUTION * CAUTION));
+        good &= second.lt((first * T::from_f64(CONTRACTION)).larger(rounding));
+        good &= (last * last * T::from_f64(2.0)).lt(left);
+        (good, gain)
+    }
+
+    /// ∂φ/∂q of the unknowns, row by row; calls `independent(row, place in y, entry)` for the
+    /// others.
+    #[inline(always)]
+    pub(crate) fn matrix<const M: usize>(
+        &self,
+        pose: &[Pose<T>],
+        screw: &[Twist<T>],
+        A: &mut [T],
+        mut independent: impl FnMut(usize, usize, T),
+    ) {
+        let m = self.width::<M>();
+        A[..m * m].fill(T::ZERO);
+        for (i, rod) in self.rods[..m].iter().enumerate() {
+            let at = rod.at(pose);
+            let along = at.d * rod.inverse_length;
+            let moment = at.ball.cross(along);
+            for mover in &rod.path {
+                let [turn, velocity] = screw[mover.joint];
+                let x = moment.dot(turn) + along.dot(velocity);
+                let x = if mover.of_ball { x } else { -x };
+                match mover.column {
+                    Ok(column) => A[i * m + column] = x,
+                    Err(k) => independent(i, k, x),
+                }
+            }
+        }
+    }
+
+    /// Inverse of the A in the scratch; whether it is regular and has the sign of the zero pose,
+    /// and 1/sin² of the least angle between a column and the span of the others.
+    #[inline(always)]
+    fn invert<const M: usize>(&self, local: &mut Local<'_, T>) -> (bool, T) {
+        let m = self.width::<M>();
+        let scratch = &mut *local.scratch;
+        let A = &mut scratch.A[..m * m];
+        let inverse = &mut scratch.inverse[..m * m];
+        let squares = &mut scratch.step[..m];
+        squares.fill(T::ZERO);
+        for row in A.chunks_exact(m) {
+            squares.iter_mut().zip(row).for_each(|(x, a)| *x = a.mul_add(*a, *x));
+        }
+        for (k, x) in inverse.iter_mut().enumerate() {
+            *x = if k / m == k % m { T::ONE } else { T::ZERO };
+        }
+        // PRECISION: at the limits of the reach other pivots are large than at zero
+        let sign = solve_pivoted(A, inverse, m, m);
+        let same = sign.is_some_and(|sign| T::ZERO.lt(sign * T::from_f64(self.sign)));
+        let [_, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
+        (same, gain)
+    }
+
+    /// G of the unknowns, and their rates; whether they mean something, and the gain.
+    #[inline(always)]
+    fn jacobian<const M: usize>(
+        &self,
+        cluster: &Cluster<T>,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> (bool, T) {
+        let m = self.width::<M>();
+        let n = cluster.n_vy;
+        let scratch = &mut *local.scratch;
+        let B = &mut scratch.B[..m * n];
+        B.fill(T::ZERO);
+        let screw = &scratch.screw;
+        self.matrix::<M>(&scratch.pose, screw, &mut scratch.A, |i, k, x| B[i * n + k] = x);
+        let (sound, gain) = self.invert::<M>(local);
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            local.G[j * n..(j + 1) * n].fill(T::ZERO);
+            local.G[j * n + k] = T::ONE;
+            local.g[j] = T::ZERO;
+        }
+        let scratch = &*local.scratch;
+        for (i, dof) in self.unknowns[..m].iter().enumerate() {
+            let of_unknown = &scratch.inverse[i * m..(i + 1) * m];
+            let row = &mut local.G[dof.v * n..(dof.v + 1) * n];
+            for (k, x) in row.iter_mut().enumerate() {
+                *x = -(0..m)
+                    .fold(T::ZERO, |sum, r| of_unknown[r].mul_add(scratch.B[r * n + k], sum));
+            }
+            if level >= Level::Velocity {
+                let rates = row.iter().zip(&cluster.independent);
+                local.qd[dof.v] = rates.fold(T::ZERO, |sum, (x, i)| x.mul_add(local.qd[*i], sum));
+            }
+        }
+        (sound & (level < Level::Acceleration || accurate(T::ONE, gain)), gain)
+    }
+
+    /// g of the unknowns.
+    #[inline(always)]
+    fn bias<const M: usize>(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+    ) {
+        let m = self.width::<M>();
+        let scratch = &mut *local.scratch;
+        scratch.rate[0] = Rate::at_rest();
+        for &j in self.before.iter().chain(&self.moving) {
+            rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
+        }
+        for (i, rod) in self.rods[..m].iter().enumerate() {
+            let at = rod.at(&scratch.pose);
+            let [v, a] = rod.moved(&at, &scratch.pose, &scratch.rate);
+            scratch.phi[i] = -((at.d.dot(a) + v.dot(v)) * rod.inverse_length);
+        }
+        for (i, dof) in self.unknowns[..m].iter().enumerate() {
+            let row = &scratch.inverse[i * m..(i + 1) * m];
+            local.g[dof.v] = (row.iter().zip(&scratch.phi[..m]))
+                .fold(T::ZERO, |sum, (x, phi)| x.mul_add(*phi, sum));
+        }
+    }
+
+    /// Twists of the bodies for each independent, then for q̈ = g.
+    #[inline(always)]
+    fn displace(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) {
+        let n = cluster.n_vy;
+        let Scratch { screw, twist, .. } = &mut *local.scratch;
+        for &j in self.before.iter().chain(&self.moving) {
+            let mut own = twist[cluster.local_parent[j]];
+            let [turn, velocity] = screw[j];
+            let mut add = |k: usize, x: T| {
+                let [w, v] = own[k];
+                own[k] = [w.add_scaled(turn, x), v.add_scaled(velocity, x)];
+            };
+            (0..n).for_each(|k| add(k, local.G[j * n + k]));
+            if level == Level::Acceleration {
+                add(MOST, local.g[j]);
+            }
+            twist[j + 1] = own;
+        }
+    }
+}
+
+/// Poses and screws of these joints' bodies.
+#[inline(always)]
+fn place_some<T: Real>(
+    joints: &[usize],
+    cluster: &Cluster<T>,
+    bodies: &[Body<T>],
+    local: &mut Local<'_, T>,
+) {
+    for &j in joints {
+        place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.scratch.screw[j] = screw(bodies[j].motion, &local.scratch.pose[j + 1]);
+    }
+}
+
+impl<T: Real> Rod<T> {
+    /// Cosines, sines and rates of its two turns, at the poses and rates of the other joints.
+    #[inline(always)]
+    fn turn(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let n = cluster.n_vy;
+        let at = self.at(&local.scratch.pose);
+        let carrier = local.scratch.pose[self.bodies[0]].R;
+        let (rod, validity) = self.universal.reach(&carrier, at.d, local);
+        if level == Level::Position {
+            return validity;
+        }
+        // velocity of the ball against the carrier for each independent, and by g
+        let [of_carrier, of_ball] = self.bodies;
+        let twist = &local.scratch.twist;
+        let apart = |k: usize| {
+            let [[w, v], [w_ball, v_ball]] = [twist[of_carrier][k], twist[of_ball][k]];
+            (v_ball - v).add_cross(w_ball - w, at.ball)
+        };
+        let mut rates = [T::ZERO; 2];
+        for k in 0..n {
+            let of_turns = rod.solve(&apart(k));
+            for (i, v) in self.turns.into_iter().enumerate() {
+                local.G[v * n + k] = of_turns[i];
+                rates[i] = of_turns[i].mul_add(local.qd[cluster.independent[k]], rates[i]);
+            }
+        }
+        if level == Level::Jacobian {
+            return validity;
+        }
+        let set = |to: &mut [T], x: [T; 2]| self.turns.iter().zip(x).for_each(|(v, x)| to[*v] = x);
+        set(local.qd, rates);
+        if level == Level::Acceleration {
+            let scratch = &*local.scratch;
+            let Rate { w, alpha, .. } = scratch.rate[self.bodies[0]];
+            let [_, a] = self.moved(&at, &scratch.pose, &scratch.rate);
+            set(local.g, rod.solve(&(a + apart(MOST) - rod.acceleration(w, alpha, rates))));
+        }
+        validity
+    }
+}
