@@ -17,8 +17,8 @@
 //! A heavier load swings, and a weak damper takes its time. So while the speed is above a line from
 //! its first value to zero at half of the stop's time, or above the one from which the monitor of
 //! positions sees a stop before the limit ahead, damping and spring grow: they double every 20 ms,
-//! up to 16 times and within the motor's gains. An inertia that the greatest effort can stop in half
-//! of that time is almost at rest at the end, as long as J ≤ d · 0.4 s.
+//! up to 16 times and within the motor's gains. An inertia that the greatest effort can stop in
+//! half of that time is almost at rest at the end, as long as J ≤ d · 0.4 s.
 //!
 //! Lowering has no spring, and v* = −g/d, limited to the allowed speed v: τ = g − clamp(g, ±d v) −
 //! d v. The load comes to rest at its equilibrium or on its support.
@@ -92,7 +92,8 @@ impl Motor {
     /// It moves to a limit and would not stop before it by the braking distance.
     fn is_too_near(&self, still: f64) -> bool {
         let limits = &self.config.limits;
-        let (place, speed) = (self.place(), self.velocity.abs());
+        let place = self.place();
+        let speed = self.velocity.abs();
         let room = if self.velocity > 0.0 { limits.upper - place } else { place - limits.lower };
         speed > still && position::way(speed, self.braking) > room
     }

@@ -7,6 +7,8 @@
 //! `SARRUS_SOAK_SEED` on, and stops after `SARRUS_SOAK_MINUTES`. Every false alarm prints its seed.
 
 mod attacks;
+mod moves;
+mod regressions;
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -17,6 +19,7 @@ use sarrus_can_core::frame::Frame;
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Operation, Reason, flag};
 
 use self::attacks::{ATTACKS, is_possible};
+use self::moves::Move;
 use crate::attack_table::drives;
 use crate::closed_loop::{DBC, DBC_FILE};
 use crate::robots::{self, Drawn, MARGIN};
@@ -66,42 +69,6 @@ pub(crate) fn all_drives() -> Vec<(&'static str, String)> {
         ("dbc torque", format!("{{protocol: dbc, {}", &DBC[1..])),
     ];
     drives().into_iter().chain(more).collect()
-}
-
-/// A move from rest to rest, by the part of its way.
-struct Move {
-    begin_ns: u64,
-    seconds: f64,
-    is_smooth: bool,
-}
-
-impl Move {
-    /// Greatest speed and acceleration of a move of one second and one radian.
-    fn greatest(is_smooth: bool) -> [f64; 2] {
-        if is_smooth { [1.875, 5.78] } else { [2.0, 4.0] }
-    }
-
-    /// Part of the way, its velocity and its acceleration.
-    fn at(&self, now_ns: u64) -> [f64; 3] {
-        let t = self.seconds;
-        let x = ((now_ns - self.begin_ns) as f64 * 1e-9 / t).min(1.0);
-        let [part, speed, acceleration] = if self.is_smooth {
-            [
-                x.powi(3) * (10.0 - 15.0 * x + 6.0 * x * x),
-                30.0 * x * x * (1.0 - x).powi(2),
-                60.0 * x * (1.0 - x) * (1.0 - 2.0 * x),
-            ]
-        } else if x < 0.5 {
-            [2.0 * x * x, 4.0 * x, 4.0]
-        } else {
-            [1.0 - 2.0 * (1.0 - x).powi(2), 4.0 * (1.0 - x), if x < 1.0 { -4.0 } else { 0.0 }]
-        };
-        [part, speed / t, acceleration / (t * t)]
-    }
-
-    fn is_over(&self, now_ns: u64) -> bool {
-        now_ns.saturating_sub(self.begin_ns) as f64 * 1e-9 >= self.seconds
-    }
 }
 
 /// A motor or a robot.
@@ -483,7 +450,7 @@ impl Run {
         }
     }
 
-    /// Asks for power until this time is over; whether some motor got it, or the reasons against it.
+    /// Asks for power until this time is over; whether a motor got it, or the reasons against it.
     fn is_refused(
         &mut self,
         seconds: f64,
@@ -605,55 +572,4 @@ fn nothing_is_found_where_nothing_is_wrong_and_every_attack_is() {
         );
     }
     assert!(false_alarms.is_empty() && unfound.is_empty(), "{false_alarms:#?} {unfound:#?}");
-}
-
-#[test]
-fn what_failed_once_fails_no_more() {
-    let drives = all_drives();
-    let mut tally = Tally::default();
-    for seed in [
-        605_544, // into a limit: a stop by a weak damper
-        606_651, // the strokes of its own loops seen as a velocity
-        606_026, // a brake that closed at a current of zero
-        601_602, 607_564, 608_920, // late answers of a motor that moves
-        603_751, // blocked, with a soft spring that is not far behind for a while
-        607_376, // a spring too soft for its load
-        608_776, // a controller that swings
-        603_701, // a pose that is near to a singular one
-    ] {
-        tally.run(seed, &drives);
-    }
-    assert!(tally.false_alarms.is_empty() && tally.unfound.is_empty());
-}
-
-#[test]
-fn no_pose_of_a_box_is_near_to_a_singular_one() {
-    let drives = all_drives();
-    let mut seen = BTreeMap::new();
-    for seed in (1..2000).step_by(ROBOTS as usize) {
-        let mut run = Run::new(seed, &drives).expect("a run that is armed");
-        let Body::Robot { half, .. } = &run.body else { panic!("{}", run.name) };
-        let kind = run.name.split(' ').next().unwrap_or_default().to_owned();
-        // a corner, a tenth outside, slowly
-        let corner = seen.entry(kind).or_insert(0);
-        if *corner == 1 << half.len().min(3) {
-            continue;
-        }
-        let side = |i: usize| if *corner >> i & 1 == 0 { LEFT } else { -LEFT };
-        run.way = half.iter().enumerate().map(|(i, half)| side(i) * half).collect();
-        *corner += 1;
-        run.next.seconds = 10.0;
-        run.rests = true;
-        let found = run.until(10.0);
-        assert!(found != Some(Reason::NearSingular), "{} to {:?}", run.name, run.way);
-    }
-    assert_eq!(seen.len(), 9, "{seen:?}");
-}
-
-#[test]
-fn parts_of_answers_whose_first_one_was_lost_are_no_lateness() {
-    // a CiA 402 drive at 1000 Hz with 1.7 % loss and 2.3 ms of jitter
-    let mut run = Run::new(311_550, &all_drives()).expect("a run that is armed");
-    assert!(run.name == "cia402 torque" && run.world.period_ns == MS, "{}", run.name);
-    assert_eq!(run.until(20.0), None);
 }

@@ -5,7 +5,7 @@
 //! - the reported velocity, if it is more than its noise, integrates to more than five codes in the
 //!   shortest time that may have passed. A motor with its own loop answers each set-point, and so
 //!   those of other motors of its mechanism, with a stroke, of which reports show the same moment:
-//!   they differ from the mean velocity, and count only where it does not rest ([`rest::STILL`]); or
+//!   they differ from the mean velocity, and count only beyond that of rest ([`rest::STILL`]); or
 //! - the commanded effort changed by more than a part of the limit while the joint was at rest, and
 //!   would have moved it by one and a half codes had it the least acceleration: with its greatest
 //!   effort a joint reaches its greatest speed within [`SLOWEST`]; or
