@@ -14,10 +14,11 @@
 //! cannot stop at once is not thrown back. Against an inertia J the servo does not swing where d ≥
 //! 40/s · J.
 //!
-//! A heavier load swings. So while the speed is above a line from its first value to zero at half
-//! of the stop's time, damping and spring grow: they double every 20 ms, up to 16 times and within
-//! the motor's gains. An inertia that the greatest effort can stop in half of that time is almost
-//! at rest at the end, as long as J ≤ d · 0.4 s.
+//! A heavier load swings, and a weak damper takes its time. So while the speed is above a line from
+//! its first value to zero at half of the stop's time, or above the one from which the monitor of
+//! positions sees a stop before the limit ahead, damping and spring grow: they double every 20 ms,
+//! up to 16 times and within the motor's gains. An inertia that the greatest effort can stop in
+//! half of that time is almost at rest at the end, as long as J ≤ d · 0.4 s.
 //!
 //! Lowering has no spring, and v* = −g/d, limited to the allowed speed v: τ = g − clamp(g, ±d v) −
 //! d v. The load comes to rest at its equilibrium or on its support.
@@ -29,6 +30,7 @@
 //! cycle, halving does not help, and the monitors find a runaway.
 
 use super::course::{RETURN_EFFORT, Reference};
+use super::monitors::position;
 use super::motor::Motor;
 use super::reaction::Reaction;
 use crate::mapping::ActuatorSetpoint;
@@ -77,13 +79,23 @@ impl Motor {
     pub(super) fn braking(&mut self, part: f64, passed: f64, elapsed: f64) -> ActuatorSetpoint {
         // a motor behind the line to zero is braked harder, unless the damper makes it swing
         let allowed = self.stop.speed * (1.0 - passed / STOPPED).max(0.0);
-        let is_behind = self.velocity.abs() > allowed + STILL * self.config.limits.speed();
+        let still = STILL * self.config.limits.speed();
+        let is_behind = self.velocity.abs() > allowed + still || self.is_too_near(still);
         if is_behind && !self.chatter.is_weakened() {
             self.stop.gain = (self.stop.gain * (elapsed / DOUBLING).exp2()).min(MOST_GAIN);
         }
         let damping = (self.stop.gain * self.stop_damping).min(self.most_damping);
         let stiffness = STIFFNESS * damping;
         ActuatorSetpoint { stiffness, ..self.moving(part * self.stop.velocity, damping, elapsed) }
+    }
+
+    /// It moves to a limit and would not stop before it by the braking distance.
+    fn is_too_near(&self, still: f64) -> bool {
+        let limits = &self.config.limits;
+        let place = self.place();
+        let speed = self.velocity.abs();
+        let room = if self.velocity > 0.0 { limits.upper - place } else { place - limits.lower };
+        speed > still && position::way(speed, self.braking) > room
     }
 
     /// The set-point of a way down with gravity, no faster than `speed`.

@@ -17,14 +17,14 @@ struct Kind {
 }
 
 const KINDS: &[Kind] = &[
-    Kind { name: "lambda", half: &[0.6], encoder: Some("Elbow") },
+    Kind { name: "lambda", half: &[0.55], encoder: Some("Elbow") },
     Kind { name: "parallelogram", half: &[0.8], encoder: Some("ParFollower") },
     Kind { name: "ankle", half: &[0.35, 0.3], encoder: Some("AnklePitch") },
     Kind { name: "torso", half: &[0.3, 0.3], encoder: Some("BodyRoll") },
     Kind { name: "wrist", half: &[0.3, 0.3], encoder: Some("WristLRocker") },
     Kind { name: "five_bar", half: &[0.4, 0.4], encoder: Some("left_elbow") },
     Kind { name: "delta", half: &[0.35, 0.35, 0.35], encoder: None },
-    Kind { name: "r3_lambda_r", half: &[0.6, 0.6, 0.6, 0.6, 1.0], encoder: Some("ALElbow") },
+    Kind { name: "r3_lambda_r", half: &[0.6, 0.6, 0.6, 0.55, 1.0], encoder: Some("ALElbow") },
     Kind { name: "stewart", half: &[0.04, 0.04, 0.04, 0.1, 0.1, 0.1], encoder: None },
 ];
 
@@ -223,6 +223,28 @@ impl Robot {
         let mass = &self.output[self.places.mass..][..n * n];
         (0..n).map(|i| way[i] * (0..n).map(|j| mass[i * n + j] * way[j]).sum::<f64>()).sum()
     }
+
+    /// How much lighter than these inertias together a motion of all actuators is: the greatest
+    /// eigenvalue of D G M⁻¹ Gᵀ, by 30 rounds of the power method.
+    fn lightness(&mut self, inertia: &[f64]) -> f64 {
+        let n = self.y.len();
+        self.system.matrix.copy_from_slice(&self.output[self.places.mass..][..n * n]);
+        assert!(self.system.factorise());
+        let mut push: Vec<f64> = (0..self.n_u()).map(|u| 1.0 + 0.1 * u as f64).collect();
+        let mut factor = 1.0;
+        for _ in 0..30 {
+            let mut way: Vec<f64> =
+                (0..n).map(|i| (0..push.len()).map(|u| self.row(u)[i] * push[u]).sum()).collect();
+            self.system.solve(&mut way);
+            for u in 0..push.len() {
+                push[u] =
+                    inertia[u] * self.row(u).iter().zip(&way).map(|(g, y)| g * y).sum::<f64>();
+            }
+            factor = push.iter().fold(0.0, |most: f64, push| most.max(push.abs()));
+            push.iter_mut().for_each(|push| *push /= factor);
+        }
+        factor
+    }
 }
 
 /// A robot with a configuration of its motors by chance.
@@ -233,6 +255,8 @@ pub(crate) struct Drawn {
     pub(crate) encoder: Option<&'static str>,
     /// Inertia that each actuator feels.
     pub(crate) inertia: Vec<f64>,
+    /// How much lighter a motion of all of them is, at most.
+    pub(crate) lightness: f64,
     /// The drive of each bus.
     pub(crate) drives: Vec<&'static str>,
 }
@@ -269,6 +293,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
     let zero = vec![0.0; kind.half.len()];
     let home: Vec<f64> = (0..n_u).map(|u| robot.actuator(u)[0]).collect();
     let n_corners = 1 << kind.half.len();
+    let mut lightness = 1.0_f64;
     for k in 0..n_corners + 32 {
         for (i, half) in kind.half.iter().enumerate() {
             let end = if k >> i & 1 == 0 { 1.0 } else { -1.0 };
@@ -283,6 +308,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
             gravity[u] = gravity[u].max(numbers[2 * n_u + u].abs());
             inertia[u] = inertia[u].max(robot.inertia(u));
         }
+        lightness = lightness.max(robot.lightness(&inertia));
     }
 
     // buses and motors
@@ -337,6 +363,7 @@ pub(crate) fn draw(chance: &mut Chance, drives: &[(&'static str, String)], rate:
         half: kind.half,
         encoder,
         inertia,
+        lightness,
         drives: of_bus.iter().map(|(name, _)| *name).collect(),
     }
 }

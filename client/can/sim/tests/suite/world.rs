@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
-use sarrus_can_core::drive::Setpoint;
+use sarrus_can_core::drive::{Mode, Setpoint};
 use sarrus_can_core::fault_log::FaultLog;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::log::{self, Line, What};
@@ -63,6 +63,7 @@ pub(crate) struct Shaft {
     pub(crate) actuator: usize,
     pub(crate) mapping: Mapping,
     pub(crate) limits: Limits,
+    pub(crate) mode: Mode,
     steps: Setpoint,
     pub(crate) position: f64,
     pub(crate) velocity: f64,
@@ -244,6 +245,7 @@ impl World {
                     actuator: motor.actuator,
                     mapping: motor.mapping,
                     limits: motor.limits,
+                    mode: motor.common.mode,
                     steps: motor.drive.steps(),
                     position: 0.0,
                     velocity: 0.0,
@@ -358,11 +360,11 @@ impl World {
             self.say(cycle_ns);
         }
         self.put(cycle_ns, What::Cycle);
-        // a robot's brakes open for motors that follow
+        // a robot's brakes open for motors that follow; some of them rest at an effort of zero
         for i in 0..if self.robot.is_some() { self.shafts.len() } else { 0 } {
             let (state, _) = self.state(self.shafts[i].actuator);
             let follows = matches!(state, MechanismState::Enabled | MechanismState::Stopping);
-            self.shafts[i].is_braked = !follows || !self.shafts[i].motor.plant.power;
+            self.shafts[i].is_braked = !follows;
         }
 
         // to the motors

@@ -2,8 +2,10 @@
 //!
 //! Since the last change of the code, one of these holds:
 //!
-//! - the reported velocity, less its noise, integrates to more than five codes in the shortest time
-//!   that may have passed; or
+//! - the reported velocity, if it is more than its noise, integrates to more than five codes in the
+//!   shortest time that may have passed. A motor with its own loop answers each set-point, and so
+//!   those of other motors of its mechanism, with a stroke, of which reports show the same moment:
+//!   they differ from the mean velocity, and count only beyond that of rest ([`rest::STILL`]); or
 //! - the commanded effort changed by more than a part of the limit while the joint was at rest, and
 //!   would have moved it by one and a half codes had it the least acceleration: with its greatest
 //!   effort a joint reaches its greatest speed within [`SLOWEST`]; or
@@ -23,6 +25,7 @@ use sarrus_proto::actuators::Reason;
 
 use super::effort::Run;
 use super::{NOISE, Seen};
+use crate::bridge::rest;
 use crate::drive::Mode;
 use crate::state::state;
 
@@ -92,7 +95,8 @@ impl Frozen {
         let elapsed = seen.shortest();
         // comparisons of NaN fail: a velocity that is not reported passes none
         let velocity = seen.measured.velocity;
-        if velocity.abs() > NOISE * steps.velocity {
+        let ripple = if seen.mode.has_own_loops() { rest::STILL * limits.speed() } else { 0.0 };
+        if velocity.abs() > (NOISE * steps.velocity).max(ripple) {
             self.passed += velocity * elapsed;
         }
         let settles = self.interval < SLOW && self.still < SETTLED.max(REST * self.interval);

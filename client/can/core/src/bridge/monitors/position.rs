@@ -60,23 +60,26 @@ pub(in crate::bridge) fn delay(period_ns: u64) -> f64 {
     GROWTH + DELAY * period_ns as f64 * 1e-9
 }
 
+/// The way of a stop from a speed, with its deceleration and delay.
+pub(in crate::bridge) fn way(speed: f64, [braking, delay]: [f64; 2]) -> f64 {
+    speed * (0.5 * speed / braking + delay)
+}
+
 /// It cannot stop within the margin beyond the limit that it moves to.
 fn is_too_fast(seen: &Seen<'_>) -> bool {
     let Seen { bounds, steps, limits, measured, .. } = seen;
     // a speed that is hidden or not reported shows in the positions
-    let way = seen.way();
+    let passed = seen.way();
     let noise = NOISE * steps.position;
-    let by_way = (way.abs() - noise) / (seen.longest() + seen.period);
+    let by_way = (passed.abs() - noise) / (seen.longest() + seen.period);
     let speed = measured.velocity.abs().max(by_way);
-    let ahead = if by_way > 0.0 { way } else { measured.velocity };
+    let ahead = if by_way > 0.0 { passed } else { measured.velocity };
     let room = match ahead > 0.0 {
         true => limits.upper - measured.position,
         false => measured.position - limits.lower,
     };
     let left = room + WITHIN * margin(limits, bounds, steps);
-    let [braking, delay] = seen.braking;
-    let braking = speed * (0.5 * speed / braking + delay);
-    left > 0.0 && braking > left && bounds.position < f64::INFINITY
+    left > 0.0 && way(speed, *seen.braking) > left && bounds.position < f64::INFINITY
 }
 
 impl Position {

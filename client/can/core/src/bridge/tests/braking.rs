@@ -1,6 +1,7 @@
 //! Late commands and stops of shafts that turn, in every mode.
 
-use super::bench::{Bench, Shaft};
+use super::super::monitors::position;
+use super::bench::{self, Bench, Shaft};
 use super::*;
 use crate::config::{MechanismStop, StopFunction};
 
@@ -223,6 +224,27 @@ fn a_motor_that_is_accelerated_by_its_stop_loses_its_torque() {
         (bench.states()[0], bench.reason(0)),
         (MechanismState::Fault, Reason::FollowingError)
     );
+}
+
+#[test]
+fn a_weak_damper_stops_a_motor_within_the_braking_distance_before_a_limit() {
+    for (inertia, speed) in [(0.04, 3.0), (0.2, 1.0), (0.2, 3.0), (0.6, 2.0)] {
+        let mut bench = turning(Mode::Torque, inertia);
+        let motor = &mut bench.bridge.motors[0];
+        motor.stop_damping = 0.25 * motor.config.limits.damping();
+        motor.braking = [motor.config.braking(), position::delay(bench::MS)];
+        let way = position::way(speed, motor.braking);
+        let shaft = bench.shaft();
+        (shaft.velocity, shaft.position) = (speed, 1.0 - way);
+        bench.step();
+        bench.bridge.fail_mechanism(0, Reason::PositionLimit);
+        let mut most: f64 = 0.0;
+        for _ in 0..450 {
+            bench.step();
+            most = most.max(bench.shaft().position);
+        }
+        assert!(most < 1.02, "{inertia} at {speed}: {most}");
+    }
 }
 
 #[test]

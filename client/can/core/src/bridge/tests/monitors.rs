@@ -255,6 +255,23 @@ fn a_code_that_stands_still_is_frozen_where_something_else_moves() {
 }
 
 #[test]
+fn a_stroke_of_a_motor_with_its_own_loop_is_no_motion() {
+    for (mode, part, found) in [
+        (Mode::Position, 0.9, None),
+        (Mode::Velocity, -0.9, None),
+        (Mode::Impedance, 0.9, Some(Reason::FeedbackFrozen)),
+        (Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+    ] {
+        let mut line = Line::new();
+        line.mode = mode;
+        let speed = rest::STILL * line.limits.velocity * part;
+        line.bench.bridge.motors[0].monitors.steps.velocity = 1e-3;
+        let moving = |_| ActuatorMeasurement { velocity: speed, ..STILL };
+        assert_eq!(reason(line.run(999, moving)), found, "{mode:?} {part}");
+    }
+}
+
+#[test]
 fn a_quick_move_that_ends_at_rest_is_not_frozen() {
     // at a constant speed, then at rest, with an effort that brakes until then
     for braking in [-2.0, -1.0, 1.0, 2.0] {

@@ -59,7 +59,21 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
     }),
     ("silence", |run| found_of(run, |shaft, _| shaft.motor.silence(true))),
     ("150 °C", |run| found_of(run, |shaft, _| shaft.temperature = 150.0)),
-    ("blocked", |run| found_of(run, |shaft, _| shaft.is_blocked = true)),
+    ("blocked", |run| {
+        let begin_ns = run.world.now_ns;
+        run.behind = [0.0; 2];
+        let mut outcome = found_of(run, |shaft, _| shaft.is_blocked = true);
+        // it shows in a motion that leaves it behind
+        while matches!(outcome, Some(Err(_))) && run.behind[1] < 1.2 * FOLLOWING_S {
+            if run.world.now_ns > begin_ns + 100_000 * MS {
+                return None;
+            }
+            let found = run.until(1.0);
+            let ms = (run.world.now_ns - begin_ns) as f64 / MS as f64;
+            outcome = found.map_or(outcome, |_| Some(Ok(ms)));
+        }
+        outcome
+    }),
     ("error-passive", |run| {
         found(run, |world, chance| {
             let i = (chance.bits() % world.shafts.len() as u64) as usize;
@@ -129,11 +143,7 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         let by = run.chance.within(0.2, 3.0) * if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
         run.world.shafts[0].encoder = Encoder::Off(by);
         run.pause(|_| ());
-        Some(match run.is_refused(1.0, |_| ()) {
-            Ok(Reason::PositionChanged) => Ok(0.0),
-            Ok(reason) => Err(format!("refused by {}", reason.name())),
-            Err(what) => Err(what),
-        })
+        Some(refused(run.is_refused(1.0, |_| ()), &[Reason::PositionChanged]))
     }),
     ("armed in motion", |run| {
         if run.world.robot.is_some() {
@@ -150,11 +160,8 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
             shaft.velocity = speed * if shaft.velocity == 0.0 { side } else { way };
         };
         run.pause(&mut turn);
-        Some(match run.is_refused(0.5, turn) {
-            Ok(Reason::Moving | Reason::PositionChanged) => Ok(0.0),
-            Ok(reason) => Err(format!("refused by {}", reason.name())),
-            Err(what) => Err(what),
-        })
+        let reasons = [Reason::Moving, Reason::PositionChanged];
+        Some(refused(run.is_refused(0.5, turn), &reasons))
     }),
     ("old feedback while it is armed", |run| {
         run.disarm();
@@ -185,6 +192,14 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         })
     }),
 ];
+
+/// Whether arming was refused by one of these reasons, beside others that come and go.
+fn refused(reasons: Result<Vec<Reason>, String>, of: &[Reason]) -> Result<f64, String> {
+    match reasons? {
+        reasons if of.iter().any(|reason| reasons.contains(reason)) => Ok(0.0),
+        reasons => Err(format!("refused by {reasons:?}")),
+    }
+}
 
 /// It holds where it is, with its set-points at rest for half a second.
 fn comes_to_rest(run: &mut Run) -> bool {
