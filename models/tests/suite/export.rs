@@ -128,7 +128,7 @@ fn state(model: &Model, seed: usize) -> BTreeMap<String, [f64; 2]> {
     let answer = plan.run(model, &mut Workspace::new(model), &input, &mut output);
     assert_eq!(answer.status, Status::Ok);
     let mut found: BTreeMap<String, [f64; 2]> = BTreeMap::new();
-    for (k, name) in model.tree_q_names().into_iter().enumerate() {
+    for (k, name) in model.tree_q_names().iter().enumerate() {
         found.entry(name.clone()).or_default()[0] = output[k];
     }
     let offset = model.tree_q_names().len();
