@@ -17,7 +17,7 @@ const EXCITED: f64 = 1e-7;
 const PARTS: usize = 5;
 const PIECES: usize = 4;
 /// Steps towards the nearest physical parameters, at most, and the change at which they end.
-const STEPS: usize = 60;
+const STEPS: usize = 400;
 const STILL: f64 = 1e-10;
 
 /// A base parameter.

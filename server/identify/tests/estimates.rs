@@ -158,7 +158,7 @@ fn estimates_from_noise_are_within_three_standard_errors_as_often_as_they_should
                 (0..3).for_each(|k| within[k] += usize::from(ratio <= (k + 1) as f64));
             }
             let of = estimate.prediction;
-            assert!(of.model > 2.0 && of.physical < 1.1 * of.fitted, "{robot} {seed}: {of:?}");
+            assert!(of.model > 2.0 && of.physical < 1.5 * of.fitted, "{robot} {seed}: {of:?}");
             assert!(of.held_out >= of.fitted, "{robot} {seed}: {of:?}");
         }
         // normal errors: 68 %, 95 %, 99.7 %

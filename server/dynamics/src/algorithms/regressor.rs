@@ -18,8 +18,8 @@ use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, zero};
 use crate::workspace::BodyState;
 
-/// Speed in which dry friction changes its sign, of joints that have none.
-const PER_SPEED: f64 = 100.0;
+/// Speed v₀ of dry friction in joints that have none.
+const SPEED: f64 = 0.01;
 
 /// A wrench [n; f] in body axes at the body's origin.
 type Wrench<T> = (Vector3<T>, Vector3<T>);
@@ -62,7 +62,7 @@ pub(crate) fn tree_regressor<T: Real>(
     let rotors = 10 * model.order.bodies.len();
     for (v, external) in model.order.v_external.iter().enumerate() {
         let friction = model.terms.frictions.iter().find(|friction| friction.v == v);
-        let per_speed = friction.map_or(T::from_f64(PER_SPEED), |friction| friction.per_speed);
+        let per_speed = friction.map_or(T::ONE / T::from_f64(SPEED), |friction| friction.per_speed);
         let dry = (qd[v] * per_speed).tanh();
         for (k, x) in [qdd[v], dry, qd[v]].into_iter().enumerate() {
             each(v, rotors + k * n_v + external, &[x]);
