@@ -16,6 +16,8 @@ const EXCITED: f64 = 1e-7;
 /// Parts of the motion, each of which is predicted from the others, and pieces of each.
 const PARTS: usize = 5;
 const PIECES: usize = 4;
+/// Times that the noise of the actuators is estimated.
+const PASSES: usize = 4;
 /// Steps towards the nearest physical parameters, at most, and the change at which they end.
 const STEPS: usize = 400;
 const STILL: f64 = 1e-10;
@@ -130,12 +132,15 @@ pub fn identify(
         return Err(IdentifyError::Short { rows, parameters: n });
     }
     let of_model = base.of(&model.parameters());
-    // without weights first: their remainders are the noise
-    let equal = vec![1.0; n_rows];
-    let first = joined(&triangles(&mut stack, &base, log, &equal)?);
-    let (excited, _) = excited_columns(&first, n);
-    let fit = solved(&first, &excited, &of_model);
-    let noise = remainders(&mut stack, &base, log, &fit, n)?;
+    // without weights first; errors by large noise of one actuator are remainders of the others,
+    // until the weights know it
+    let mut noise = vec![1.0; n_rows];
+    for _ in 0..PASSES {
+        let all = joined(&triangles(&mut stack, &base, log, &noise)?);
+        let (excited, _) = excited_columns(&all, n);
+        let fit = solved(&all, &excited, &of_model);
+        noise = remainders(&mut stack, &base, log, &fit, n)?;
+    }
     let parts = triangles(&mut stack, &base, log, &noise)?;
     let all = joined(&parts);
     let (excited, condition) = excited_columns(&all, n);
