@@ -116,8 +116,8 @@ enum Command {
     ///
     /// One line for each method and setting of the engine: the largest difference from the same
     /// model in double-double, the time of a call, ours beside it, and why they differ. Ends with
-    /// 1 if a difference exceeds what the engine's setting explains. An engine that is not built is
-    /// not run.
+    /// 1 if a difference exceeds the softness of the engine's setting. An engine that is not built
+    /// is not run.
     #[cfg(feature = "report")]
     Compare(commands::compare::Compare),
     /// Write a robot as one page that opens offline, with sliders that move it.

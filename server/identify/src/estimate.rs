@@ -228,7 +228,7 @@ fn joined(parts: &[Triangle]) -> Triangle {
     all
 }
 
-/// Root mean square of what is left over of each force.
+/// Root mean square of the remainder of each force.
 fn remainders(
     stack: &mut Stack<'_>,
     base: &Base,
@@ -317,7 +317,7 @@ impl Free {
 /// noise.
 struct Search {
     free: Vec<Free>,
-    /// Rows of all parameters, R [1 map], and what they have to give.
+    /// Rows of all parameters, R [1 map], and the forces that they have to give.
     rows: Vec<Vec<f64>>,
     forces: Vec<f64>,
     /// Parameters of the model.

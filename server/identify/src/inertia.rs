@@ -121,7 +121,7 @@ pub(crate) fn parameters(inertial: &Inertial) -> [f64; 10] {
     [m, hx, hy, hz, I(0, 0), I(0, 1), I(1, 1), I(0, 2), I(1, 2), I(2, 2)]
 }
 
-/// The same as a file writes them, in axes of this roll, pitch and yaw.
+/// The inertia as a file writes it, in axes of this roll, pitch and yaw.
 pub(crate) fn inertial(parameters: &[f64; 10], rpy: [f64; 3]) -> Inertial {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *parameters;
     let c = [hx / m, hy / m, hz / m];

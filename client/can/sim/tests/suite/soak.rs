@@ -402,7 +402,7 @@ impl Run {
         None
     }
 
-    /// Whether an alarm is none: the motion went beyond its limits, or far from what it should be.
+    /// Whether an alarm is none: the motion went beyond its limits, or far from its command.
     fn is_true(&self, reason: Reason) -> bool {
         let is_beyond = |shaft: &Shaft| {
             let [position, _] = shaft.at_actuator();

@@ -1,4 +1,4 @@
-//! Runs of the soak that failed once, each with its cause, and what its generator may draw.
+//! Runs of the soak that failed once, each with its cause, and the poses that its generator draws.
 
 use super::*;
 
