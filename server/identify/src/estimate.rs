@@ -302,7 +302,7 @@ struct Physical {
 
 /// Numbers that parameters depend on: ten of a body near the model's, or friction over its scale.
 enum Free {
-    Body { first: usize, link: usize, near: Near, others: [f64; 10] },
+    Body { first: usize, link: usize, near: Box<Near>, others: [f64; 10] },
     Friction { column: usize, scale: f64 },
 }
 
@@ -338,7 +338,7 @@ fn free_numbers(description: &Description, model: &Model<f64>, values: &[f64]) -
             && let Some(near) = Near::new(&own)
         {
             let others = core::array::from_fn(|i| values[10 * k + i] - own[i]);
-            free.push(Free::Body { first: 10 * k, link, near, others });
+            free.push(Free::Body { first: 10 * k, link, near: Box::new(near), others });
         }
         if matches!(described.kind, JointKind::Spherical | JointKind::Floating) {
             continue;

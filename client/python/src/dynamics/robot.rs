@@ -241,7 +241,7 @@ impl PyRobot {
             let log = Log::of_table(model, &heads, &rows).map_err(|error| error.to_string())?;
             let found = sarrus_identify::identify(&loaded.description, model, &log)
                 .map_err(|error| error.to_string())?;
-            let (urdf, _) = sarrus_models::texts(&source).map_err(|error| error.to_string())?;
+            let (urdf, _) = sarrus_models::texts(source).map_err(|error| error.to_string())?;
             let urdf = String::from_utf8(urdf).map_err(|error| error.to_string())?;
             let links: Vec<_> =
                 found.links.iter().map(|link| (link.name.as_str(), link.inertial)).collect();
