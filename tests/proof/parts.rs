@@ -54,7 +54,7 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
             Field::U | Field::Ud | Field::Udd | Field::TauU | Field::GU | Field::GUBias => {
                 rows.u.clone()
             }
-            Field::DtauUDy | Field::DtauUDyd => rows.u.clone(),
+            Field::DtauUDy | Field::DtauUDyd | Field::RegressorU => rows.u.clone(),
             Field::Qd | Field::Qdd | Field::TauQ | Field::G | Field::GBias | Field::Limits => {
                 rows.v.clone()
             }
