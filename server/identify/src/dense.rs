@@ -103,8 +103,8 @@ impl Triangle {
         picked
     }
 
-    /// Orders the columns, scaled to length one, by the length that each adds to those before it, and
-    /// returns it with them, largest first; columns of zeros come last.
+    /// Orders the columns, scaled to length one, by the length that each adds to those before it,
+    /// and returns it with them, largest first; columns of zeros come last.
     pub(crate) fn pivots(&self) -> Vec<(usize, f64)> {
         let n = self.n;
         let norms = self.norms();
