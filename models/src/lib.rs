@@ -104,7 +104,7 @@ pub use bundled::{bundled, bundled_text};
 pub use check::{CheckReport, ClosureReport};
 pub use dimensions::{Density, Dimensions, Length, Range};
 pub use error::LoadError;
-pub use export::{Exported, Target, export};
+pub use export::{Exported, Target, as_tree, export};
 pub use import::{Imported, import};
 pub use load::{Loaded, Options};
 pub use names::{nearest, nearest_first};

@@ -13,13 +13,13 @@ mod gepetto;
 mod mjcf;
 mod pinocchio;
 mod sdf;
-mod urdf;
-mod yaml;
+pub(crate) mod urdf;
+pub(crate) mod yaml;
 
 use std::fmt::Write;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Loop, SubmechanismKind, Terms,
+    Cut, Description, Inertial, Joint, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
 };
 use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
@@ -96,6 +96,25 @@ pub fn export(
     let failed = out.diagnostics.has_errors();
     let report = Report { robot: Some(name.to_owned()), ..out.diagnostics.into_report() };
     if failed { Err(LoadError::Faults(report)) } else { Ok(Exported { files, report, held }) }
+}
+
+/// The robot as a tree: all joints independent, without loops and couplings.
+pub fn as_tree(of: &Description) -> Description {
+    let mut tree = of.clone();
+    let all: Vec<usize> =
+        of.submechanisms.iter().flat_map(|part| part.spanning_tree.clone()).collect();
+    tree.submechanisms = vec![Submechanism {
+        name: "tree".to_owned(),
+        kind: SubmechanismKind::Serial,
+        type_name: "SERIAL".to_owned(),
+        spanning_tree: all.clone(),
+        independent: all,
+        active: Vec::new(),
+        loops: Vec::new(),
+        closed_forms: true,
+    }];
+    tree.joints.iter_mut().for_each(|joint| joint.coupling = None);
+    tree
 }
 
 /// The robot without the axes of joints that have none, and the limits and terms of fixed ones.
@@ -306,16 +325,6 @@ fn is_single(joint: &Joint) -> bool {
 fn has_terms(joint: &Joint) -> bool {
     let terms = joint.terms;
     terms.damping != 0.0 || terms.stiffness != 0.0 || terms.rotor_inertia != 0.0
-}
-
-/// The URDF of a description.
-pub(crate) fn urdf(of: &Description) -> String {
-    urdf::text(of)
-}
-
-/// The submechanism file of a description.
-pub(crate) fn submechanisms(of: &Description) -> String {
-    yaml::text(of)
 }
 
 /// Numbers with blanks between, no negative zeros.

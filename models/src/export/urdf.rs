@@ -31,7 +31,7 @@ fn origin(at: Placement) -> String {
 }
 
 /// The URDF of this project, which reads each number again as it is.
-pub(super) fn text(of: &Description) -> String {
+pub(crate) fn text(of: &Description) -> String {
     // version 1.2 can leave a limit out
     written(of, &[], "1.2")
 }

@@ -12,7 +12,7 @@ use crate::rewrite::number;
 use crate::suggest::word;
 
 /// The file.
-pub(super) fn text(of: &Description) -> String {
+pub(crate) fn text(of: &Description) -> String {
     let mut text = "submechanisms:\n".to_owned();
     let robot = Robot::new(of);
     for part in &of.submechanisms {

@@ -113,8 +113,8 @@ pub(crate) fn convert(
     }
     let description = write::description(&robot, &tree, &cuts);
     (!diagnostics.has_errors()).then(|| Converted {
-        urdf: export::urdf(&description),
-        submechanisms: export::submechanisms(&description),
+        urdf: export::urdf::text(&description),
+        submechanisms: export::yaml::text(&description),
         name: robot,
         pose,
         is_driven,

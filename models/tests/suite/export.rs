@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use sarrus_dynamics::description::{Description, Submechanism, SubmechanismKind};
+use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, Workspace};
 use sarrus_models::{
-    Base, Exported, LoadError, Loaded, Options, Source, Target, bundled, bundled_text, export,
-    import, load,
+    Base, Exported, LoadError, Loaded, Options, Source, Target, as_tree, bundled, bundled_text,
+    export, import, load,
 };
 
 /// Largest difference, relative to the largest number of a quantity.
@@ -52,26 +52,6 @@ fn a_scene_is_the_same_after_writing_our_own_files() {
     assert_eq!(read.description, written.held);
     let [read, own] = [read, loaded].map(|of| of.compiled.model.tree_names().to_vec());
     assert_eq!(read, own);
-}
-
-/// The robot as a tree: all joints independent, no loops and couplings.
-fn tree(of: &Description) -> Description {
-    let mut tree = of.clone();
-    let all: Vec<usize> = of.submechanisms.iter().flat_map(|of| of.spanning_tree.clone()).collect();
-    tree.submechanisms = vec![Submechanism {
-        name: "tree".to_owned(),
-        kind: SubmechanismKind::Serial,
-        type_name: "SERIAL".to_owned(),
-        spanning_tree: all.clone(),
-        independent: all,
-        active: Vec::new(),
-        loops: Vec::new(),
-        closed_forms: true,
-    }];
-    for joint in &mut tree.joints {
-        joint.coupling = None;
-    }
-    tree
 }
 
 /// Fields of a model from numbers by name.
@@ -146,7 +126,7 @@ fn size(of: &[f64]) -> f64 {
 fn same(name: &str, original: &Description, held: &Description, other: &Description) {
     let compiled = |of: &Description| Model::compile(of).unwrap_or_else(|e| panic!("{name}: {e}"));
     let model = compiled(original).model;
-    let [ours, theirs] = [held, other].map(|of| compiled(&tree(of)).model);
+    let [ours, theirs] = [held, other].map(|of| compiled(&as_tree(of)).model);
     let [held, other] = [held, other].map(|of| compiled(of).model);
     let order = |from: &[String], to: &[String]| -> Vec<usize> {
         from.iter().map(|name| to.iter().position(|of| of == name).unwrap()).collect()

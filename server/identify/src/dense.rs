@@ -1,5 +1,7 @@
 //! Least squares in triangles, row by row.
 
+use sarrus_factorisations::{Mat, thin_svd};
+
 /// The triangle R of a QR factorisation of all rows so far (n × n).
 #[derive(Clone, Debug)]
 pub(crate) struct Triangle {
@@ -55,16 +57,6 @@ impl Triangle {
         }
     }
 
-    /// x of Rᵀ x = b, likewise.
-    fn solve_transposed(&self, b: &mut [f64]) {
-        for k in 0..b.len() {
-            b[k] /= self.row(k)[k];
-            for j in k + 1..b.len() {
-                b[j] -= self.row(k)[j] * b[k];
-            }
-        }
-    }
-
     /// Square roots of the diagonal of (RᵀR)⁻¹.
     pub(crate) fn deviations(&self) -> Vec<f64> {
         let mut squares = vec![0.0; self.n];
@@ -78,19 +70,13 @@ impl Triangle {
         squares.into_iter().map(f64::sqrt).collect()
     }
 
-    /// 2-norm condition number, by powers of RᵀR and of its inverse.
+    /// 2-norm condition number; infinite where no singular values are found.
     pub(crate) fn condition(&self) -> f64 {
-        let largest = growth(self.n, |x| {
-            let image: Vec<f64> = (0..self.n).map(|k| dot(self.row(k), x)).collect();
-            for (j, x) in x.iter_mut().enumerate() {
-                *x = (0..=j).map(|k| self.row(k)[j] * image[k]).sum();
-            }
-        });
-        let smallest = growth(self.n, |x| {
-            self.solve_transposed(x);
-            self.solve(x);
-        });
-        (largest * smallest).sqrt()
+        let R = Mat::from_fn(self.n, self.n, |i, j| self.R[i * self.n + j]);
+        thin_svd(&R).map_or(f64::INFINITY, |svd| {
+            let S = svd.S().column_vector();
+            S[0] / S[self.n - 1]
+        })
     }
 
     /// The triangle of these columns.
@@ -137,19 +123,6 @@ impl Triangle {
         order.extend((0..n).filter(|j| !counts(*j)).map(|j| (j, 0.0)));
         order
     }
-}
-
-/// Largest eigenvalue of a symmetric map.
-fn growth(n: usize, mut map: impl FnMut(&mut [f64])) -> f64 {
-    let mut x: Vec<f64> = (0..n).map(|k| 1.0 + 0.1 * (k as f64).sin()).collect();
-    let mut size = 0.0;
-    for _ in 0..100 {
-        let length = dot(&x, &x).sqrt();
-        x.iter_mut().for_each(|x| *x /= length);
-        map(&mut x);
-        size = dot(&x, &x).sqrt();
-    }
-    size
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

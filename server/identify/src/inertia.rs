@@ -87,18 +87,6 @@ fn from_pseudo_inertia(J: &Square<4>) -> [f64; 10] {
     [J[3][3], J[0][3], J[1][3], J[2][3], xx, -J[0][1], yy, -J[0][2], -J[1][2], zz]
 }
 
-/// Turn by roll, pitch and yaw about fixed axes.
-fn turn([r, p, y]: [f64; 3]) -> Square<3> {
-    let (sr, cr) = r.sin_cos();
-    let (sp, cp) = p.sin_cos();
-    let (sy, cy) = y.sin_cos();
-    [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-}
-
 /// The inertia of a point mass at c.
 fn at_point(m: f64, c: [f64; 3]) -> Square<3> {
     let square: f64 = c.iter().map(|x| x * x).sum();
@@ -110,7 +98,7 @@ fn at_point(m: f64, c: [f64; 3]) -> Square<3> {
 /// Ten parameters about the origin of the link.
 pub(crate) fn parameters(inertial: &Inertial) -> [f64; 10] {
     let [xx, xy, xz, yy, yz, zz] = inertial.inertia;
-    let R = turn(inertial.origin.rpy);
+    let R = inertial.origin.rotation();
     let own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let own = product(&product(&R, &own), &transposed(&R));
     let m = inertial.mass;
@@ -128,10 +116,10 @@ pub(crate) fn inertial(parameters: &[f64; 10], rpy: [f64; 3]) -> Inertial {
     let moved = at_point(m, c);
     let mut own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     (0..3).for_each(|i| (0..3).for_each(|j| own[i][j] -= moved[i][j]));
-    let R = turn(rpy);
-    let I = product(&product(&transposed(&R), &own), &R);
     let mut inertial = Inertial::point(m, c);
     inertial.origin.rpy = rpy;
+    let R = inertial.origin.rotation();
+    let I = product(&product(&transposed(&R), &own), &R);
     inertial.inertia = [I[0][0], I[0][1], I[0][2], I[1][1], I[1][2], I[2][2]];
     inertial
 }

@@ -61,9 +61,21 @@ pub(crate) fn rates<T: Real>(
     qdd: &[T],
     motion: &mut [BodyState<T>],
 ) {
-    let none = T::Triple::zero();
-    (motion[0].w, motion[0].alpha, motion[0].a) = (none, none, none);
-    for &i in bodies {
+    accelerate_all(model, T::Triple::zero(), bodies.iter().copied(), (qd, qdd), motion);
+}
+
+/// The same of bodies in the order of the tree, where the world has this acceleration.
+#[inline(always)]
+pub(super) fn accelerate_all<T: Real>(
+    model: &Model<T>,
+    root: T::Triple,
+    bodies: impl Iterator<Item = usize>,
+    (qd, qdd): (&[T], &[T]),
+    motion: &mut [BodyState<T>],
+) {
+    let still = T::Triple::zero();
+    (motion[0].w, motion[0].alpha, motion[0].a) = (still, still, root);
+    for i in bodies {
         let body = &model.bodies[i];
         let (before, state) = motion.split_at_mut(i);
         let state = &mut state[0];

@@ -11,15 +11,13 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::algorithms::rnea::accelerate;
+use crate::algorithms::frames::accelerate_all;
+use crate::description;
 use crate::mechanism::{Friction, Motion};
 use crate::model::Model;
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, zero};
 use crate::workspace::BodyState;
-
-/// Speed v₀ of dry friction in joints that have none.
-const SPEED: f64 = 0.01;
 
 /// A wrench [n; f] in body axes at the body's origin.
 type Wrench<T> = (Vector3<T>, Vector3<T>);
@@ -32,13 +30,9 @@ pub(crate) fn tree_regressor<T: Real>(
     motion: &mut [BodyState<T>],
     mut each: impl FnMut(usize, usize, &[T]),
 ) {
-    let still = T::Triple::zero();
-    (motion[0].w, motion[0].alpha, motion[0].a) = (still, still, -T::Triple::of(&model.gravity));
-    for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let (before, state) = motion.split_at_mut(i);
-        let state = &mut state[0];
-        (state.w, state.alpha, state.a) = accelerate(body, state, &before[body.parent], qd, qdd);
-    }
+    // the world accelerates against gravity
+    let root = -T::Triple::of(&model.gravity);
+    accelerate_all(model, root, 1..model.bodies.len(), (qd, qdd), motion);
     for (block, &(i, link)) in model.order.bodies.iter().enumerate() {
         let R = &model.frames[link].x_body_frame.R;
         let BodyState { w, alpha, a, .. } = motion[i];
@@ -60,9 +54,10 @@ pub(crate) fn tree_regressor<T: Real>(
     }
     let n_v = model.sizes().n_v;
     let rotors = 10 * model.order.bodies.len();
+    let without = T::ONE / T::from_f64(description::Friction::default().speed);
     for (v, external) in model.order.v_external.iter().enumerate() {
         let friction = model.terms.frictions.iter().find(|friction| friction.v == v);
-        let per_speed = friction.map_or(T::ONE / T::from_f64(SPEED), |friction| friction.per_speed);
+        let per_speed = friction.map_or(without, |friction| friction.per_speed);
         let dry = (qd[v] * per_speed).tanh();
         for (k, x) in [qdd[v], dry, qd[v]].into_iter().enumerate() {
             each(v, rotors + k * n_v + external, &[x]);

@@ -11,21 +11,21 @@ pub(crate) fn vector(x: [f64; 3]) -> Vector3<Dd> {
     Vector3::new(Dd::from_f64(x[0]), Dd::from_f64(x[1]), Dd::from_f64(x[2]))
 }
 
-/// R = Rz(yaw) Ry(pitch) Rx(roll), as URDF has it.
+impl Placement {
+    /// The rows of R = Rz(yaw) Ry(pitch) Rx(roll), as URDF has it.
+    pub fn rotation<T: Real>(&self) -> [[T; 3]; 3] {
+        let [(sr, cr), (sp, cp), (sy, cy)] = self.rpy.map(|angle| T::from_f64(angle).sin_cos());
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    }
+}
+
 pub(crate) fn pose(placement: &Placement) -> Pose<Dd> {
-    let [(sr, cr), (sp, cp), (sy, cy)] = placement.rpy.map(|angle| Dd::from_f64(angle).sin_cos());
-    let R = Matrix3::new(
-        cy * cp,
-        cy * sp * sr - sy * cr,
-        cy * sp * cr + sy * sr,
-        sy * cp,
-        sy * sp * sr + cy * cr,
-        sy * sp * cr - cy * sr,
-        -sp,
-        cp * sr,
-        cp * cr,
-    );
-    Pose { R, p: vector(placement.xyz) }
+    let [[a, b, c], [d, e, f], [g, h, i]] = placement.rotation();
+    Pose { R: Matrix3::new(a, b, c, d, e, f, g, h, i), p: vector(placement.xyz) }
 }
 
 /// Pose of a link at zero {root}; `None` for links in a cycle.

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use sarrus_dynamics::description::{Description, JointKind, Submechanism, SubmechanismKind};
+use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -160,7 +160,7 @@ fn states(description: &Description, held: &Description) -> Outcome<Vec<Value>> 
     let closed = [Field::Q, Field::Qd, Field::K, Field::KBias];
     let query = Query::new(Request::Kinematics, given, FieldSet::of(&closed));
     let mut closed = Planned::new(model, Plan::new(model, &query)?, &robot.states, 0);
-    let tree = Model::compile(&tree(held))?.model;
+    let tree = Model::compile(&sarrus_models::as_tree(held))?.model;
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
     let wanted = FieldSet::of(&[Field::MY, Field::TauY]);
     let query = Query::new(Request::InverseDynamics, given, wanted);
@@ -180,23 +180,4 @@ fn states(description: &Description, held: &Description) -> Outcome<Vec<Value>> 
         }));
     }
     Ok(all)
-}
-
-/// The robot as a tree: all joints independent, without loops and couplings.
-fn tree(of: &Description) -> Description {
-    let mut tree = of.clone();
-    let all: Vec<usize> =
-        of.submechanisms.iter().flat_map(|part| part.spanning_tree.clone()).collect();
-    tree.submechanisms = vec![Submechanism {
-        name: "tree".to_owned(),
-        kind: SubmechanismKind::Serial,
-        type_name: "SERIAL".to_owned(),
-        spanning_tree: all.clone(),
-        independent: all,
-        active: Vec::new(),
-        loops: Vec::new(),
-        closed_forms: true,
-    }];
-    tree.joints.iter_mut().for_each(|joint| joint.coupling = None);
-    tree
 }

@@ -2,7 +2,6 @@
 //! without any mass matrix.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request, Status, Workspace};
 
 use crate::coordinates::{Coordinates, cross, turned};
@@ -56,7 +55,7 @@ impl<T: PlanScalar> Meter<T> {
         for (k, link) in description.links.iter().enumerate() {
             if let Some(inertial) = &link.inertial {
                 links.push(k as u16);
-                let R = rotation(inertial.origin.rpy);
+                let R = inertial.origin.rotation();
                 masses.push(Mass {
                     mass: inertial.mass,
                     at: inertial.origin.xyz,
@@ -150,16 +149,6 @@ impl Mass {
         let kinetic = 0.5 * (self.mass * v.iter().map(|x| x * x).sum::<f64>() + turning);
         (kinetic, -self.mass * (0..3).map(|k| gravity[k] * (pose[k] + arm[k])).sum::<f64>())
     }
-}
-
-/// Rz(yaw) Ry(pitch) Rx(roll).
-fn rotation(rpy: [f64; 3]) -> [[f64; 3]; 3] {
-    let [(sr, cr), (sp, cp), (sy, cy)] = rpy.map(Real::sin_cos);
-    [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
 }
 
 /// R I Rᵀ of I = xx xy xz yy yz zz.

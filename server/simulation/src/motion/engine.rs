@@ -50,7 +50,7 @@ pub(crate) struct Engine {
     pub(crate) compiled: Compiled,
     pub(crate) mechanism: Mechanism,
     rates: Rates<f64>,
-    precise: Option<Box<Other<Dd>>>,
+    precise: Option<Box<Precise>>,
     pub(crate) anchor: Anchor,
     guess: Vec<f64>,
     /// Offset from the anchor, in ẏ and in q̇.
@@ -78,21 +78,21 @@ pub(crate) struct Anchor {
     pub(crate) springs: Effect<f64>,
 }
 
-/// The right-hand side over another scalar, with its numbers.
-struct Other<T: PlanScalar> {
-    rates: Rates<T>,
-    x: Vec<T>,
-    rate: Vec<T>,
-    q: Vec<T>,
-    qd: Vec<T>,
+/// The right-hand side in double-double, with its numbers.
+struct Precise {
+    rates: Rates<Dd>,
+    x: Vec<Dd>,
+    rate: Vec<Dd>,
+    q: Vec<Dd>,
+    qd: Vec<Dd>,
 }
 
-impl<T: PlanScalar> Other<T> {
-    fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Other<T>, SimulationError> {
-        let zero = |n: usize| vec![T::ZERO; n];
+impl Precise {
+    fn new(model: Model<Dd>, mechanism: &Mechanism) -> Result<Precise, SimulationError> {
+        let zero = |n: usize| vec![Dd::ZERO; n];
         let (x, q, qd) =
             (zero(mechanism.n()), zero(mechanism.sizes.n_q), zero(mechanism.sizes.n_v));
-        Ok(Other { rates: Rates::new(model, mechanism)?, rate: x.clone(), x, q, qd })
+        Ok(Precise { rates: Rates::new(model, mechanism)?, rate: x.clone(), x, q, qd })
     }
 
     fn evaluate(&mut self, mechanism: &Mechanism, t: f64) -> Answer {
@@ -102,7 +102,7 @@ impl<T: PlanScalar> Other<T> {
     /// Takes over a state and a guess as constants.
     fn set(&mut self, x: &[f64], q: &[f64], qd: &[f64]) {
         for (to, from) in [(&mut self.x, x), (&mut self.q, q), (&mut self.qd, qd)] {
-            to.iter_mut().zip(from).for_each(|(to, x)| *to = T::from_f64(*x));
+            to.iter_mut().zip(from).for_each(|(to, x)| *to = Dd::from_f64(*x));
         }
     }
 }
@@ -187,15 +187,15 @@ impl Engine {
         self.counts.precise += 1;
         if self.precise.is_none() {
             // a query that can be planned over doubles can be planned over any scalar
-            let Ok(other) = Other::new(self.compiled.exact.clone(), &self.mechanism) else {
+            let Ok(precise) = Precise::new(self.compiled.exact.clone(), &self.mechanism) else {
                 return Status::BadRequest;
             };
-            self.precise = Some(Box::new(other));
+            self.precise = Some(Box::new(precise));
         }
-        let Some(other) = &mut self.precise else { return Status::BadRequest };
-        other.set(x, &self.guess, &self.anchor.qd);
-        let status = other.evaluate(&self.mechanism, t).status;
-        rate.iter_mut().zip(&other.rate).for_each(|(to, x)| *to = x.to_f64());
+        let Some(precise) = &mut self.precise else { return Status::BadRequest };
+        precise.set(x, &self.guess, &self.anchor.qd);
+        let status = precise.evaluate(&self.mechanism, t).status;
+        rate.iter_mut().zip(&precise.rate).for_each(|(to, x)| *to = x.to_f64());
         status
     }
 
@@ -227,7 +227,7 @@ impl Engine {
         (anchor.t, anchor.rate) = (t, rate);
         anchor.y.copy_from_slice(&x[..n_qy]);
         match &self.precise {
-            Some(other) if precisely => anchor.take(&other.rates),
+            Some(precise) if precisely => anchor.take(&precise.rates),
             _ => anchor.take(&self.rates),
         }
         status
