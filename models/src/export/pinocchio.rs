@@ -28,7 +28,7 @@ fn literal(text: &str) -> String {
 pub(super) fn texts(out: &mut Out<'_>, ties: &[Tie]) -> Vec<(&'static str, String)> {
     let of = out.robot.of;
     let mut text = format!(
-        "\"\"\"A robot for Pinocchio: the tree of {}.urdf, and the terms that a URDF lacks.\"\"\"\n\n\
+        "\"\"\"A robot for Pinocchio: the tree of {}.urdf, and all that a URDF lacks.\"\"\"\n\n\
          import pathlib\n\nimport numpy as np\nimport pinocchio as pin\n\n",
         out.name
     );
