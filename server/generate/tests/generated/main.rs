@@ -56,7 +56,7 @@ fn queries() -> [(&'static str, Query); 3] {
     ]
 }
 
-/// The queries that guess for Newton's method: that of the state with its velocity.
+/// The [`queries`] with a guess for Newton's method: that of the state with its velocity.
 fn warm_queries() -> [(&'static str, Query); 3] {
     queries().map(|(name, mut query)| {
         let guess = if name == "state" {
