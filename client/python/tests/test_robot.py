@@ -4,15 +4,12 @@ import copy
 import gc
 import pickle
 import resource
-import subprocess
 import tempfile
 import unittest
-import warnings
 from pathlib import Path
 
 import numpy as np
 import sarrus
-from sarrus import _native
 
 ROBOTS = ("lambda", "torso", "stewart", "rh5v2_upper_body", "wrist")
 

@@ -2,6 +2,7 @@
 
 import html
 import pickle
+import subprocess
 import sys
 import tempfile
 import unittest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -96,8 +97,7 @@ def _table(log: Any) -> tuple[list[str], list[list[float]]]:
     if not isinstance(log, Mapping):
         path = Path(log)
         if path.suffix == ".parquet":
-            from pyarrow import parquet
-
+            parquet: Any = importlib.import_module("pyarrow.parquet")
             log = parquet.read_table(path).to_pydict()
         else:
             with path.open(newline="", encoding="utf-8") as file:
