@@ -12,7 +12,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::algorithms::frames::accelerate_all;
-use crate::description;
 use crate::mechanism::{Friction, Motion};
 use crate::model::Model;
 use crate::scalar::{Real, Triple};
@@ -54,10 +53,9 @@ pub(crate) fn tree_regressor<T: Real>(
     }
     let n_v = model.sizes().n_v;
     let rotors = 10 * model.order.bodies.len();
-    let without = T::ONE / T::from_f64(description::Friction::default().speed);
     for (v, external) in model.order.v_external.iter().enumerate() {
         let friction = model.terms.frictions.iter().find(|friction| friction.v == v);
-        let per_speed = friction.map_or(without, |friction| friction.per_speed);
+        let per_speed = friction.map_or(model.terms.per_speed, |x| x.per_speed);
         let dry = (qd[v] * per_speed).tanh();
         for (k, x) in [qdd[v], dry, qd[v]].into_iter().enumerate() {
             each(v, rotors + k * n_v + external, &[x]);

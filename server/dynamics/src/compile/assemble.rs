@@ -13,7 +13,7 @@ use crate::compile::geometry::{norm, onto_z, unit, vector};
 use crate::compile::orders::Names;
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
-use crate::description::{Description, JointKind, Limits, Loop};
+use crate::description::{Description, Friction, JointKind, Limits, Loop};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, JointTerms, Motion};
@@ -217,7 +217,7 @@ impl<'a> Builder<'a> {
             has_child_cluster: Vec::new(),
             inertia: Vec::new(),
             is_massless: false,
-            terms: JointTerms::none(),
+            terms: JointTerms::none(Dd::ONE / Dd::from_f64(Friction::default().speed)),
             order: Order::default(),
             zero: Vec::new(),
             described_zero: Vec::new(),

@@ -52,7 +52,7 @@ impl Builder<'_> {
                 let damping = number(damping);
                 terms.dampers.extend((v..v + n_v).map(|v| Damper { v, damping }));
             }
-            if friction.coulomb != 0.0 || friction.viscous != 0.0 {
+            if friction != description::Friction::default() {
                 terms.frictions.push(Friction {
                     v,
                     coulomb: number(friction.coulomb),

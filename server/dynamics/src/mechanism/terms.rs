@@ -8,9 +8,12 @@ pub(crate) struct JointTerms<T> {
     pub(crate) dampers: Vec<Damper<T>>,
     pub(crate) rotors: Vec<Rotor<T>>,
     pub(crate) frictions: Vec<Friction<T>>,
+    /// 1 / v₀ of all other joints, whose dry friction is not known yet.
+    pub(crate) per_speed: T,
 }
 
 constants! { JointTerms:
+    number per_speed;
     each springs dampers rotors frictions;
 }
 
@@ -67,13 +70,14 @@ constants! { Friction:
     number coulomb viscous per_speed;
 }
 
-impl<T: Copy> JointTerms<T> {
-    pub(crate) fn none() -> JointTerms<T> {
+impl<T> JointTerms<T> {
+    pub(crate) fn none(per_speed: T) -> JointTerms<T> {
         JointTerms {
             springs: Vec::new(),
             dampers: Vec::new(),
             rotors: Vec::new(),
             frictions: Vec::new(),
+            per_speed,
         }
     }
 }
