@@ -89,8 +89,8 @@ impl Judge<'_> {
         check("com_jacobian", asked.get(ComJacobian), &row(&|x| x[1]), &of_y(inv), 1e-2);
         check("com_bias", asked.get(ComBias), &com_bias, &[inv; 3], 1e-2 * speed * speed);
         let [momentum, turn] = [mass * length, mass * length * length];
-        // places in the root frame are rounded to a part of their distance
-        let arm = 1e-2 + 1e-6 * size(&com.map(|x| x.to_f64() * inv));
+        // each place is a sum of some ten numbers, rounded to a part of its distance from the root
+        let arm = 1e-2 + 5e-6 * size(&com.map(|x| x.to_f64() * inv));
         let x = asked.get(Momentum);
         check("momentum", &x[3..], &linear, &[1.0 / momentum; 3], 1e-2 * speed);
         check("angular momentum", &x[..3], &angular, &[1.0 / turn; 3], arm * speed);
@@ -239,7 +239,12 @@ impl Judge<'_> {
         let mut check = |what: &str, x: &[f64], exact: &[Dd], units: &[f64], least: f64| {
             self.compare(ledger, &asked, &name(what), x, exact, units, least)
         };
-        let acceleration = size(&a.map(|x| x.to_f64())).max(speed * speed);
+        // what two links share cancels in the acceleration between them
+        let moved = |link: &Link<Dd>| {
+            size(&link.a.map(|x| x.to_f64())).max(size(&link.e.map(|x| x.to_f64() * inv)))
+        };
+        let acceleration = r.map_or(0.0, |r| moved(&links[r])).max(moved(&links[f]));
+        let acceleration = acceleration.max(speed * speed);
         check("position", &asked.get(FramePose)[..3], &p, &[inv; 3], 1e-4 * far);
         check("twist", asked.get(FrameTwist), &twist(w, v), &rows, 1e-2 * speed * far);
         check("acc", asked.get(FrameAcc), &acc, &rows, 1e-2 * acceleration * far);
