@@ -295,6 +295,10 @@ impl<'a> Builder<'a> {
             let cluster = &mut self.model.clusters[c];
             cluster.length = length;
             cluster.units = units(cluster);
+            let actuators = cluster.active.iter().map(|(_, j)| cluster.units[*j]);
+            let independents = cluster.independent.iter().map(|j| cluster.units[*j]);
+            cluster.authority =
+                actuators.fold(f64::INFINITY, f64::min) / independents.fold(0.0, f64::max);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {

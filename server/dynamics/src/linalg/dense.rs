@@ -38,7 +38,7 @@ pub(crate) fn solve_unpivoted<T: Real>(
 /// sign of the determinant, or `None` where a pivot is not above the rounding of the largest entry,
 /// or not a number.
 pub(crate) fn solve_pivoted<T: Real>(A: &mut [T], B: &mut [T], m: usize, n: usize) -> Option<T> {
-    solve_above(A, B, m, n, 8.0).map(|solved| solved.sign)
+    solve_above(A, B, m, n, (8.0, T::ZERO)).map(|solved| solved.sign)
 }
 
 /// Measures of a solved system.
@@ -51,31 +51,35 @@ pub(crate) struct Solved<T> {
 }
 
 /// Solves A X = B; `None` also if the solution of a matrix of like entries would have less than
-/// five digits, or half of those of a scalar with less than ten.
+/// five digits, or half of those of a scalar with less than ten. Where all entries are below `size`
+/// it stands for the largest.
 pub(crate) fn solve_sound<T: Real>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
     n: usize,
+    size: f64,
 ) -> Option<Solved<T>> {
-    solve_above(A, B, m, n, f64::min(1e5, 1.0 / T::EPSILON.sqrt()))
+    let roundings = f64::min(1e5, 1.0 / T::EPSILON.sqrt());
+    solve_above(A, B, m, n, (roundings, T::from_f64(size)))
 }
 
-/// `roundings`: how many unit roundoffs of the largest entry a pivot must have. Loops of fixed
+/// `roundings`, `size`: how many unit roundoffs of the largest entry a pivot must have, and the
+/// least that counts as largest. Loops of fixed
 /// length solve the sizes that actuators of mechanisms need, and rods of a platform.
 fn solve_above<T: Real>(
     A: &mut [T],
     B: &mut [T],
     m: usize,
     n: usize,
-    roundings: f64,
+    limits: (f64, T),
 ) -> Option<Solved<T>> {
     match (m, n) {
-        (2, 1) => solve_of(&mut A[..4], &mut B[..2], 2, 1, roundings),
-        (3, 1) => solve_of(&mut A[..9], &mut B[..3], 3, 1, roundings),
-        (6, 1) => solve_of(&mut A[..36], &mut B[..6], 6, 1, roundings),
-        (6, 6) => solve_of(&mut A[..36], &mut B[..36], 6, 6, roundings),
-        _ => solve_of(A, B, m, n, roundings),
+        (2, 1) => solve_of(&mut A[..4], &mut B[..2], 2, 1, limits),
+        (3, 1) => solve_of(&mut A[..9], &mut B[..3], 3, 1, limits),
+        (6, 1) => solve_of(&mut A[..36], &mut B[..6], 6, 1, limits),
+        (6, 6) => solve_of(&mut A[..36], &mut B[..36], 6, 6, limits),
+        _ => solve_of(A, B, m, n, limits),
     }
 }
 
@@ -85,11 +89,10 @@ fn solve_of<T: Real>(
     B: &mut [T],
     m: usize,
     n: usize,
-    roundings: f64,
+    (roundings, size): (f64, T),
 ) -> Option<Solved<T>> {
-    let largest = A[..m * m]
-        .iter()
-        .fold(T::ZERO, |largest, x| T::select_lt(largest, x.abs(), x.abs(), largest));
+    let largest =
+        A[..m * m].iter().fold(size, |largest, x| T::select_lt(largest, x.abs(), x.abs(), largest));
     let floor = largest * T::from_f64(roundings * T::EPSILON);
     let mut sign = T::ONE;
     let mut least = largest;
@@ -384,7 +387,7 @@ pub(crate) fn least_norm<T: Real>(
                 (0..m).fold(T::ZERO, |sum, k| A[k * n + i].mul_add(residual[k], sum))
             };
         }
-        solved = solve_above(square, rhs, s, 1, 8.0)?;
+        solved = solve_above(square, rhs, s, 1, (8.0, T::ZERO))?;
         for k in 0..n {
             solution[k] += if wide {
                 (0..m).fold(T::ZERO, |sum, i| A[i * n + k].mul_add(rhs[i], sum))

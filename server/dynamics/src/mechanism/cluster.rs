@@ -50,11 +50,14 @@ pub(crate) struct Cluster<T> {
     /// Unit of each local velocity (n_v): 1 rad, a slider's the length; a joint that moves by
     /// couplings alone has the one that belongs to theirs.
     pub(crate) units: Vec<f64>,
+    /// Least unit of an actuator over the largest of an independent: the size of G_u.
+    pub(crate) authority: f64,
 }
 
 constants! { Cluster:
     keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
-        dependent_q local_parent active windings rows used other_rows length units;
+        dependent_q local_parent active windings rows used other_rows length units
+        authority;
     each cuts;
 }
 

@@ -45,7 +45,7 @@ pub(super) fn to_actuators<T: Real>(
             ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
-            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
+            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
                 .ok_or(Status::SingularActuation)?;
             control = lesser(control, solved.least);
             for (r, (u, _)) in cluster.active.iter().enumerate() {

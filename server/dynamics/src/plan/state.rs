@@ -249,8 +249,8 @@ impl Plan {
             // the closure has overwritten the dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        let solved =
-            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1).ok_or(Status::SingularActuation)?;
+        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
+            .ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
             to[cluster.v + j] = ws.dense_rhs[k];
@@ -336,7 +336,7 @@ fn actuator_newton<T: Real>(
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
         let solved = if outcome.status == Status::Ok {
-            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1)
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
         } else {
             None
         };

@@ -60,6 +60,8 @@ struct Limited {
 struct Group {
     y: Vec<usize>,
     u: Vec<(usize, usize)>,
+    /// As of its cluster.
+    authority: f64,
 }
 
 impl Motion {
@@ -112,6 +114,9 @@ impl Motion {
             })
         });
         let mut groups = vec![Group::default(); model.clusters.len()];
+        for (of, cluster) in groups.iter_mut().zip(&model.clusters) {
+            of.authority = cluster.authority;
+        }
         for (k, c) in model.independent_clusters().into_iter().enumerate() {
             groups[c].y.push(k);
         }
@@ -442,7 +447,15 @@ impl Program<'_> {
                 self.dynamics(y, &mut line[..N]);
                 line[N] = self.of(Field::TauY)[y];
             }
-            if solve_sound(&mut block[..p * p], &mut solved[..p * (N + 1)], p, N + 1).is_none() {
+            if solve_sound(
+                &mut block[..p * p],
+                &mut solved[..p * (N + 1)],
+                p,
+                N + 1,
+                group.authority,
+            )
+            .is_none()
+            {
                 return Err(Status::SingularActuation);
             }
             for (line, &(u, v)) in solved.chunks_exact(N + 1).zip(&group.u) {
