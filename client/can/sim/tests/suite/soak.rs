@@ -450,18 +450,25 @@ impl Run {
         }
     }
 
-    /// Asks for power until this time is over; whether a motor got it, or the reasons against it.
+    /// Asks for power until this time is over, and on until one of these reasons is told, which a
+    /// set-up of the motor comes before; an error where a motor got power, or by other reasons.
     fn is_refused(
         &mut self,
         seconds: f64,
+        of: &[Reason],
         mut each: impl FnMut(&mut World),
-    ) -> Result<Vec<Reason>, String> {
+    ) -> Result<f64, String> {
         self.world.operate(Operation::Reset);
         self.cycle();
         self.world.operate(Operation::Arm);
-        let end_ns = self.world.now_ns + (seconds * 1e9) as u64;
+        let begin_ns = self.world.now_ns;
+        let end_ns = begin_ns + (seconds * 1e9) as u64;
+        let last_ns = begin_ns + self.world.bridge.configuration().timeouts.arming_ns;
         let mut reasons = Vec::new();
-        while self.world.now_ns < end_ns {
+        let is_told = |reasons: &[Reason]| {
+            of.is_empty() || of.iter().any(|reason| reasons.contains(reason))
+        };
+        while self.world.now_ns < if is_told(&reasons) { end_ns } else { last_ns } {
             each(&mut self.world);
             self.cycle();
             let (state, why) = self.world.state(0);
@@ -472,7 +479,7 @@ impl Run {
                 return Err("it was armed".to_owned());
             }
         }
-        Ok(reasons)
+        is_told(&reasons).then_some(0.0).ok_or_else(|| format!("refused by {reasons:?}"))
     }
 }
 

@@ -44,11 +44,12 @@ pub(super) struct Assessed {
     bounds: Vec<[f64; 2]>,
     least_clearance: f64,
     /// Velocities of its independents, the time until they have stopped, counted at these
-    /// velocities, and the clearance then.
+    /// velocities, and the clearance then; clearance and independents of the pose before.
     rates: Vec<f64>,
     ahead: f64,
     clearance_ahead: f64,
     clearance_before: f64,
+    y_before: Vec<f64>,
     pub(super) contradiction: Contradiction,
     /// When all of its actuators had measured anew, at the last look at their motion `[ns]`.
     pub(super) seen_ns: u64,
@@ -70,6 +71,7 @@ impl Assessed {
             ahead: 0.0,
             clearance_ahead: 1.0,
             clearance_before: f64::NAN,
+            y_before: vec![0.0; linkage.independents.len()],
             contradiction: Contradiction::default(),
             seen_ns: 0,
             settled_ns: 0,
@@ -100,7 +102,8 @@ impl Assessed {
 
     /// Where the mechanism can stop: y + ẏ (t + |u̇| / (2 a)), with the delay t and deceleration a
     /// of its slowest actuator, and its clearance likewise; `h` seconds after the last assessment.
-    /// The factor is that of the pose.
+    /// Measurements of two poses may lie farther apart than the assessments: the time is then that
+    /// of the way between the poses, Δy · ẏ / ẏ². The factor is that of the pose.
     pub(super) fn foresee(
         &mut self,
         pose: &Pose,
@@ -108,7 +111,7 @@ impl Assessed {
         braking: &[[f64; 2]],
         h: f64,
     ) {
-        let Assessed { linkage, rates, .. } = self;
+        let Assessed { linkage, rates, y_before, .. } = self;
         let mut ahead = 0.0_f64;
         for &u in &linkage.actuators {
             let [a, delay] = braking[u];
@@ -119,7 +122,15 @@ impl Assessed {
         let is_reported = rates.iter().all(|rate| rate.is_finite());
         self.ahead = if is_reported { ahead } else { 0.0 };
         let clearance = self.measured.clearance;
-        let rate = (clearance - self.clearance_before) / h;
+        let mut way = 0.0;
+        let mut square = 0.0;
+        for ((y, before), rate) in self.measured.good.iter().zip(y_before).zip(rates) {
+            way += (y - *before) * *rate;
+            square += *rate * *rate;
+            *before = *y;
+        }
+        // NaN at rest
+        let rate = (clearance - self.clearance_before) / h.max(way / square);
         self.clearance_ahead = if rate < 0.0 { clearance + rate * self.ahead } else { clearance };
         self.clearance_before = clearance;
     }
@@ -178,6 +189,7 @@ impl State for Assessed {
             ahead: _,
             clearance_ahead: _,
             clearance_before,
+            y_before,
             contradiction,
             seen_ns,
             settled_ns,
@@ -189,6 +201,7 @@ impl State for Assessed {
         bounds.carry(words);
         least_clearance.carry(words);
         clearance_before.carry(words);
+        y_before.carry(words);
         contradiction.carry(words);
         seen_ns.carry(words);
         settled_ns.carry(words);

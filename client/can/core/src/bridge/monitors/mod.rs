@@ -70,6 +70,8 @@ pub(super) struct Seen<'a> {
     /// A position that stays one code for longer is frozen `[s]`.
     pub(super) dwell: f64,
     pub(super) mode: Mode,
+    /// Speed by which strokes of own loops in its mechanism may hide the mean one.
+    pub(super) ripple: f64,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,
 }

@@ -72,6 +72,7 @@ impl Motor {
                 free: &self.free,
                 dwell,
                 mode: self.config.common.mode,
+                ripple: self.ripple,
                 is_following,
             })
         });

@@ -29,6 +29,11 @@ const NOTHING: ActuatorSetpoint =
 
 impl Line {
     fn new() -> Line {
+        Line::beside(0, Mode::Impedance)
+    }
+
+    /// Where one of the motors has another mode: the second one is of the same mechanism.
+    fn beside(place: usize, mode: Mode) -> Line {
         let limits = Limits {
             lower: -1.0,
             upper: 1.0,
@@ -40,11 +45,12 @@ impl Line {
             for motor in &mut configuration.motors {
                 (motor.limits, motor.monitors) = (limits, MonitorBounds::USUAL);
             }
+            configuration.motors[place].common.mode = mode;
         });
         Line {
             bench,
             limits,
-            mode: Mode::Impedance,
+            mode: if place == 0 { mode } else { Mode::Impedance },
             asked: [NOTHING; 2],
             stiffness: 0.0,
             braking: [50.0, 0.05],
@@ -61,7 +67,8 @@ impl Line {
     }
 
     fn see(&mut self, measured: ActuatorMeasurement) -> Option<Reason> {
-        let Monitors { bounds, steps, rules, .. } = &mut self.bench.bridge.motors[0].monitors;
+        let motor = &mut self.bench.bridge.motors[0];
+        let Monitors { bounds, steps, rules, .. } = &mut motor.monitors;
         let found = rules.check(&Seen {
             bounds,
             steps,
@@ -79,6 +86,7 @@ impl Line {
             free: &[1.0, -1.0],
             dwell: self.dwell,
             mode: self.mode,
+            ripple: motor.ripple,
             is_following: true,
         });
         self.before = measured;
@@ -255,19 +263,21 @@ fn a_code_that_stands_still_is_frozen_where_something_else_moves() {
 }
 
 #[test]
-fn a_stroke_of_a_motor_with_its_own_loop_is_no_motion() {
-    for (mode, part, found) in [
-        (Mode::Position, 0.9, None),
-        (Mode::Velocity, -0.9, None),
-        (Mode::Impedance, 0.9, Some(Reason::FeedbackFrozen)),
-        (Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+fn a_stroke_of_a_motor_with_its_own_loop_is_no_motion_of_its_mechanism() {
+    for (place, mode, part, found) in [
+        (0, Mode::Position, 0.9, None),
+        (0, Mode::Velocity, -0.9, None),
+        (1, Mode::Position, 0.9, None),
+        (0, Mode::Impedance, 0.9, Some(Reason::FeedbackFrozen)),
+        (0, Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+        (1, Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+        (2, Mode::Position, 0.9, Some(Reason::FeedbackFrozen)),
     ] {
-        let mut line = Line::new();
-        line.mode = mode;
+        let mut line = Line::beside(place, mode);
         let speed = rest::STILL * line.limits.velocity * part;
         line.bench.bridge.motors[0].monitors.steps.velocity = 1e-3;
         let moving = |_| ActuatorMeasurement { velocity: speed, ..STILL };
-        assert_eq!(reason(line.run(999, moving)), found, "{mode:?} {part}");
+        assert_eq!(reason(line.run(999, moving)), found, "{place} {mode:?} {part}");
     }
 }
 
