@@ -94,7 +94,7 @@ impl Frozen {
         let elapsed = seen.shortest();
         // comparisons of NaN fail: a velocity that is not reported passes none
         let velocity = seen.measured.velocity;
-        if velocity.abs() > (NOISE * steps.velocity).max(seen.ripple) {
+        if velocity.abs() > NOISE * steps.velocity && velocity.abs() > seen.ripple {
             self.passed += velocity * elapsed;
         }
         let settles = self.interval < SLOW && self.still < SETTLED.max(REST * self.interval);

@@ -2,7 +2,7 @@
 
 use super::bench::{AT_REST, Bench, OFF};
 use super::*;
-use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of};
+use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of, lag};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -74,6 +74,7 @@ impl Line {
             steps,
             period: PERIOD,
             clocks: super::super::monitors::clocks(PERIOD, 0.0),
+            lag: lag(PERIOD, super::super::monitors::clocks(PERIOD, 0.0)),
             measured: &measured,
             before: &self.before,
             elapsed: self.elapsed,
@@ -213,6 +214,18 @@ fn an_effort_is_compared_with_what_was_asked_of_late() {
     line.ask(pushes);
     assert_eq!(line.run(2, |i| reported(0.0)(20.0 + i)), None);
     assert_eq!(line.run(20, |i| reported(1.5)(22.0 + i)), None);
+    // and so are quick changes, where the measurement is as old as that
+    for (late, found) in [(6e-3, None), (0.0, Some(Reason::EffortMismatch))] {
+        let mut line = Line::new();
+        line.late = [late; 2];
+        let effort = |i: f64| 1.5 * (0.4 * i).cos();
+        let seen = (0..60).find_map(|i| {
+            let i = f64::from(i);
+            line.asked = [i, i - 1.0].map(|i| ActuatorSetpoint { effort: effort(i), ..NOTHING });
+            line.see(reported(effort(i - 3.0))(i))
+        });
+        assert_eq!(seen, found, "{late}");
+    }
 }
 
 #[test]
