@@ -61,10 +61,10 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
     ("150 °C", |run| found_of(run, |shaft, _| shaft.temperature = 150.0)),
     ("blocked", |run| {
         let begin_ns = run.world.now_ns;
-        run.behind = [0.0; 2];
+        run.behind = [0.0; 3];
         let mut outcome = found_of(run, |shaft, _| shaft.is_blocked = true);
         // it shows in a motion that leaves it behind
-        while matches!(outcome, Some(Err(_))) && run.behind[1] < 1.2 * FOLLOWING_S {
+        while matches!(outcome, Some(Err(_))) && run.behind[2] < 1.2 * FOLLOWING_S {
             if run.world.now_ns > begin_ns + 100_000 * MS {
                 return None;
             }
