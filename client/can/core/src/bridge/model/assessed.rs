@@ -7,7 +7,7 @@ use super::effort::Contradiction;
 use super::evaluator::Pose;
 use super::linkage::Linkage;
 use super::tracker::Tracker;
-use crate::state::{State, Words, state_of_enum};
+use crate::state::{state, state_of_enum};
 
 /// Assessments between two retries of a mechanism that is lost for longer.
 const RARELY: u64 = 16;
@@ -55,7 +55,8 @@ pub(super) struct Assessed {
     pub(super) seen_ns: u64,
     /// When filtered efforts and motion are of the same time again `[ns]`.
     pub(super) settled_ns: u64,
-    pub(super) fault: Option<Reason>,
+    /// [`Reason::None`] without one.
+    pub(super) fault: Reason,
 }
 
 impl Assessed {
@@ -75,7 +76,7 @@ impl Assessed {
             contradiction: Contradiction::default(),
             seen_ns: 0,
             settled_ns: 0,
-            fault: None,
+            fault: Reason::None,
             linkage,
         }
     }
@@ -166,47 +167,17 @@ impl Assessed {
         let least = least_clearance.min(NEARER * clearance);
         self.least_clearance = if is_powered { self.least_clearance.max(least) } else { least };
         if is_near {
-            self.fault = Some(Reason::NearSingular);
+            self.fault = Reason::NearSingular;
         } else if is_beyond {
-            self.fault = Some(Reason::MechanismLimit);
+            self.fault = Reason::MechanismLimit;
         }
     }
 }
 
 state_of_enum!(Activity { Idle, Powered, Ramping, Following });
 
-impl State for Assessed {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        let Assessed {
-            linkage: _,
-            measured,
-            commanded,
-            activity,
-            bounds,
-            least_clearance,
-            // of one assessment
-            rates: _,
-            ahead: _,
-            clearance_ahead: _,
-            clearance_before,
-            y_before,
-            contradiction,
-            seen_ns,
-            settled_ns,
-            fault,
-        } = self;
-        measured.carry(words);
-        commanded.carry(words);
-        activity.carry(words);
-        bounds.carry(words);
-        least_clearance.carry(words);
-        clearance_before.carry(words);
-        y_before.carry(words);
-        contradiction.carry(words);
-        seen_ns.carry(words);
-        settled_ns.carry(words);
-        let mut reason = fault.unwrap_or(Reason::None);
-        reason.carry(words);
-        *fault = (reason != Reason::None).then_some(reason);
-    }
-}
+state!(Assessed {
+    measured, commanded, activity, bounds, least_clearance, clearance_before, y_before,
+    contradiction, seen_ns, settled_ns, fault;
+    linkage, rates, ahead, clearance_ahead
+});
