@@ -2,14 +2,11 @@
 
 use std::io::{self, Write};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
-use signal_hook::consts::{SIGINT, SIGTERM};
-
-use sarrus_can_run::bus::{self, Address, Bus, BusError, Heard, Reconnecting};
+use sarrus_can_run::bus::{self, Address, Bus, Heard, Reconnecting};
 use sarrus_client::now_ns;
 
 /// Options of `listen`.
@@ -32,18 +29,11 @@ pub(crate) struct Listen {
 
 /// Prints frames as `candump -L` does, and news of the bus on stderr, until it is asked to stop.
 pub(crate) fn run(arguments: &Listen) -> ExitCode {
-    let stop = Arc::new(AtomicBool::new(false));
-    let registered = [SIGINT, SIGTERM]
-        .into_iter()
-        .try_for_each(|signal| signal_hook::flag::register(signal, Arc::clone(&stop)).map(|_| ()));
-    if let Err(error) = registered {
-        eprintln!("sarrus-can listen: signals: {error}");
-        return ExitCode::from(2);
-    }
-    crate::ended("listen", listen(arguments, &stop))
+    crate::ended("listen", listen(arguments))
 }
 
-fn listen(arguments: &Listen, stop: &AtomicBool) -> Result<(), BusError> {
+fn listen(arguments: &Listen) -> Result<(), Box<dyn std::error::Error>> {
+    let stop = crate::run::until_asked()?;
     let Listen { interface, channel, bitrate, data_bitrate } = arguments;
     let bitrate = bitrate.or((interface == "slcan").then_some(1_000_000));
     let address = Address {

@@ -11,7 +11,7 @@ use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 use sarrus_client::watch::BridgeStatistics;
 
-use crate::top::{meanings, of, reason_name, state_name};
+use crate::top::{meanings, of};
 
 /// Flags of all of them.
 #[derive(Args)]
@@ -182,8 +182,8 @@ fn without_power(state: &ActuatorState, statistics: &BridgeStatistics) -> Vec<St
 /// A state, and why where there is a reason.
 fn in_words(state: u32, reason: u32) -> String {
     match reason {
-        0 => state_name(state).to_owned(),
-        reason => format!("{}: {}", state_name(state), reason_name(reason)),
+        0 => MechanismState::name_of(state).to_owned(),
+        reason => format!("{}: {}", MechanismState::name_of(state), Reason::name_of(reason)),
     }
 }
 
@@ -231,28 +231,21 @@ struct StateCounts {
 impl StateCounts {
     /// Of all mechanisms, or of that of an actuator.
     fn of(state: &ActuatorState, actuator: Option<usize>) -> StateCounts {
-        let flags = state.flags.iter().zip(&state.states).take(state.n_u as usize).enumerate();
-        let with_motor: Vec<u32> = flags
-            .filter(|(place, (flags, _))| {
-                *flags & flag::NO_MOTOR == 0 && actuator.is_none_or(|meant| meant == *place)
-            })
-            .map(|(_, (_, state))| *state)
-            .collect();
+        let all = state.flags.iter().zip(&state.states).take(state.n_u as usize).enumerate();
+        let meant = all.filter(|(place, _)| actuator.is_none_or(|meant| meant == *place));
+        let meant: Vec<(&u32, &u32)> = meant.map(|(_, of)| of).collect();
+        let with_motor = || meant.iter().filter(|(flags, _)| **flags & flag::NO_MOTOR == 0);
         let count =
-            |state: MechanismState| with_motor.iter().filter(|of| **of == state as u32).count();
+            |state: MechanismState| with_motor().filter(|(_, of)| **of == state as u32).count();
         StateCounts {
-            all: with_motor.len(),
+            all: with_motor().count(),
             enabled: count(MechanismState::Enabled),
             arming: count(MechanismState::Arming),
             stopping: count(MechanismState::Stopping),
             fault: count(MechanismState::Fault),
-            elsewhere: state
-                .flags
+            elsewhere: meant
                 .iter()
-                .take(state.n_u as usize)
-                .enumerate()
-                .filter(|(place, _)| actuator.is_none_or(|meant| meant == *place))
-                .filter(|(_, flags)| **flags & flag::POSITION_CHANGED != 0)
+                .filter(|(flags, _)| **flags & flag::POSITION_CHANGED != 0)
                 .count(),
             state: actuator.map_or(state.state, |place| of(&state.states, place)),
             reason: actuator.map_or(state.reason, |place| of(&state.reasons, place)),

@@ -16,8 +16,8 @@ use sarrus_can_run::bus::{Address, Bus, Reconnecting, own};
 use sarrus_can_run::stderr::{self, say};
 use sarrus_can_run::{Settings, prepare};
 use signal_hook::consts::{
-    SIGBUS, SIGCHLD, SIGCONT, SIGFPE, SIGILL, SIGKILL, SIGPIPE, SIGSEGV, SIGSTOP, SIGTTIN, SIGTTOU,
-    SIGURG, SIGWINCH, SIGXFSZ,
+    SIGBUS, SIGCHLD, SIGCONT, SIGFPE, SIGILL, SIGINT, SIGKILL, SIGPIPE, SIGSEGV, SIGSTOP, SIGTERM,
+    SIGTTIN, SIGTTOU, SIGURG, SIGWINCH, SIGXFSZ,
 };
 
 /// Signals that are no clean end: some say nothing of an end, others cannot be caught or are faults
@@ -102,6 +102,16 @@ pub(crate) fn open(bus: &BusConfig, owned: &mut Vec<OwnedFd>) -> Result<Box<dyn 
     let address = Address::of(bus);
     owned.extend(own(&address)?);
     Ok(Box::new(Reconnecting::open(&bus.name, address)?))
+}
+
+/// A flag that SIGINT and SIGTERM set.
+pub(crate) fn until_asked() -> Result<Arc<AtomicBool>, String> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        let registered = signal_hook::flag::register(signal, stop.clone());
+        registered.map_err(|error| format!("signals: {error}"))?;
+    }
+    Ok(stop)
 }
 
 /// Sets a flag at every signal that would end or stop this program.

@@ -71,14 +71,6 @@ impl Top {
     }
 }
 
-pub(crate) fn state_name(code: u32) -> &'static str {
-    MechanismState::from_code(code).map_or("unknown", MechanismState::name)
-}
-
-pub(crate) fn reason_name(code: u32) -> &'static str {
-    Reason::from_code(code).map_or("unknown", Reason::name)
-}
-
 /// A motor's own code as a number, a fault found by its drive in words.
 fn fault_words(code: u32) -> String {
     fault::describe(code).map_or_else(|| format!("{code:#x}"), str::to_owned)
@@ -134,8 +126,8 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     let _ = writeln!(
         out,
         "{} ({})   process {}, {up:.0} s, {} cycles",
-        state_name(state.state),
-        reason_name(state.reason),
+        MechanismState::name_of(state.state),
+        Reason::name_of(state.reason),
         s.process,
         s.cycles
     );
@@ -174,8 +166,8 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     for (place, name) in s.actuators.iter().enumerate().take(s.n_u as usize) {
         rows.push(vec![
             name.as_str().to_owned(),
-            state_name(of(&state.states, place)).to_owned(),
-            reason_name(of(&state.reasons, place)).to_owned(),
+            MechanismState::name_of(of(&state.states, place)).to_owned(),
+            Reason::name_of(of(&state.reasons, place)).to_owned(),
             format!("{:.4}", of(&state.position, place)),
             format!("{:.3}", of(&state.velocity, place)),
             format!("{:.3}", of(&state.effort, place)),
@@ -226,8 +218,9 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         .map(|(place, name)| {
             let number =
                 |numbers: &[f64]| Some(of(numbers, place)).filter(|number| number.is_finite());
-            json!({"name": name.as_str(), "state": state_name(of(&state.states, place)),
-               "reason": reason_name(of(&state.reasons, place)),
+            json!({"name": name.as_str(),
+               "state": MechanismState::name_of(of(&state.states, place)),
+               "reason": Reason::name_of(of(&state.reasons, place)),
                "position": number(&state.position), "velocity": number(&state.velocity),
                "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place),
@@ -237,7 +230,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         })
         .collect();
     json!({
-        "state": state_name(state.state), "reason": reason_name(state.reason),
+        "state": MechanismState::name_of(state.state), "reason": Reason::name_of(state.reason),
         "sequence": state.sequence, "command": state.command,
         "stamp_ns": state.stamp_ns, "fingerprint": format!("{:016x}", state.fingerprint),
         "process": s.process, "cycles": s.cycles,

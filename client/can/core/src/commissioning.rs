@@ -11,7 +11,7 @@ use sarrus_models::yaml;
 use crate::drive::{Drive, Mode, Receipt};
 use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::{Common, Made, Protocol};
-use crate::settings::{Key, KeyKind, Settings};
+use crate::settings::{KeyKind, Settings};
 
 /// The settings that hold a motor's identifier, and the one that holds that of its replies.
 const IDENTIFIERS: [&str; 2] = ["id", "node"];
@@ -31,27 +31,18 @@ pub struct Candidate {
 /// The words between which a protocol's frames differ, by the setting that has them: variants of
 /// MIT mode, models of a CyberGear. Empty for a protocol without.
 pub fn variants(protocol: &Protocol) -> &'static [&'static str] {
-    match variant_key(protocol).map(|key| key.kind) {
+    let mut keys = protocol.keys.iter();
+    match keys.find(|key| matches!(key.name, "variant" | "model")).map(|key| key.kind) {
         Some(KeyKind::Word(words)) => words,
         _ => &[],
     }
 }
 
-fn variant_key(protocol: &Protocol) -> Option<&'static Key> {
-    protocol.keys.iter().find(|key| matches!(key.name, "variant" | "model"))
-}
-
-fn identifier_key(protocol: &Protocol) -> Option<&'static Key> {
-    protocol.keys.iter().find(|key| IDENTIFIERS.contains(&key.name))
-}
-
 /// The least and greatest identifier that a protocol's motors may have; `None` for a protocol whose
 /// motors cannot be asked.
 pub fn identifiers(protocol: &'static Protocol, variant: &str) -> Option<(i64, i64)> {
-    let (least, most) = match identifier_key(protocol)?.kind {
-        KeyKind::Integer(least, most) => (least, most),
-        _ => return None,
-    };
+    let key = protocol.keys.iter().find(|key| IDENTIFIERS.contains(&key.name))?;
+    let KeyKind::Integer(least, most) = key.kind else { return None };
     let mut out = FrameQueue::new(32);
     Candidate::new(protocol, variant, least)?.probe(&mut out);
     let first = out.frames().first()?;

@@ -5,7 +5,7 @@
 //! motor's output shaft, N m, and the motor's sign.
 
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use crate::state::{Words, state, state_of_enum};
+use crate::state::{State, state, state_of_enum};
 
 /// Set-point of a motor, on the motor's side of gear and sign.
 ///
@@ -279,7 +279,7 @@ impl Pairing {
 }
 
 /// The bridge's half of the talk with one motor. Nothing here allocates, panics or reads a clock.
-pub trait Drive: Send + core::fmt::Debug {
+pub trait Drive: State + Send + core::fmt::Debug {
     /// Frames of one cycle at time `now_ns` (monotonic); in every cycle at least one that the motor
     /// answers with a measurement.
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue);
@@ -303,9 +303,6 @@ pub trait Drive: Send + core::fmt::Debug {
 
     /// State of the motor.
     fn state(&self) -> DriveState;
-
-    /// Writes all that changes, for a log, or reads it.
-    fn carry(&mut self, _words: &mut Words<'_>) {}
 
     /// Called when an operator arms, and before the motor gets power: the motor's settings are
     /// written and read back anew, since a motor whose supply was away has lost them. Does nothing
@@ -376,8 +373,9 @@ pub trait Drive: Send + core::fmt::Debug {
         None
     }
 
-    /// Asks for a heartbeat without giving power or changing anything.
-    fn probe(&mut self, out: &mut FrameQueue);
+    /// Asks for an answer without giving power or changing anything; nothing where messages come by
+    /// themselves, or where none is known to be answered.
+    fn probe(&mut self, _out: &mut FrameQueue) {}
 
     /// Makes the present position the motor's zero; false where the protocol has no such command.
     fn set_zero(&mut self, _out: &mut FrameQueue) -> bool {

@@ -156,21 +156,18 @@ impl core::fmt::Debug for Frame {
 pub struct FrameQueue {
     frames: Vec<Frame>,
     capacity: usize,
-    dropped: u64,
 }
 
 impl FrameQueue {
     /// An empty queue with room for `capacity` frames.
     pub fn new(capacity: usize) -> FrameQueue {
-        FrameQueue { frames: Vec::with_capacity(capacity), capacity, dropped: 0 }
+        FrameQueue { frames: Vec::with_capacity(capacity), capacity }
     }
 
-    /// Adds a frame; one that finds no room is dropped and counted.
+    /// Adds a frame; one that finds no room is dropped.
     pub fn push(&mut self, frame: Frame) {
         if self.frames.len() < self.capacity {
             self.frames.push(frame);
-        } else {
-            self.dropped += 1;
         }
     }
 
@@ -184,29 +181,6 @@ impl FrameQueue {
         &self.frames
     }
 
-    /// The most frames that it holds.
-    pub(crate) fn capacity(&self) -> usize {
-        self.capacity
-    }
-
-    /// Replaces the frame of a place, or adds one behind the last.
-    pub(crate) fn put(&mut self, place: usize, frame: Frame) {
-        match self.frames.get_mut(place) {
-            Some(of_place) => *of_place = frame,
-            None => self.push(frame),
-        }
-    }
-
-    /// Keeps the first `n` frames.
-    pub(crate) fn cut(&mut self, n: usize) {
-        self.frames.truncate(n);
-    }
-
-    /// Frames that found no room so far.
-    pub fn dropped(&self) -> u64 {
-        self.dropped
-    }
-
     /// Empties the queue.
     pub fn clear(&mut self) {
         self.frames.clear();
@@ -215,14 +189,10 @@ impl FrameQueue {
 
 impl State for FrameQueue {
     fn carry(&mut self, words: &mut Words<'_>) {
-        let mut n = self.frames().len();
+        let mut n = self.frames.len();
         n.carry(words);
-        for place in 0..n.min(self.capacity()) {
-            let mut frame = self.frames().get(place).copied();
-            frame.get_or_insert(Frame::EMPTY).carry(words);
-            self.put(place, frame.unwrap_or(Frame::EMPTY));
-        }
-        self.cut(n);
+        self.frames.resize(n.min(self.capacity), Frame::EMPTY);
+        self.frames.carry(words);
     }
 }
 

@@ -11,13 +11,12 @@ use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use sarrus_can_core::bridge::{Bridge, BusEvent};
+use sarrus_can_core::bridge::Bridge;
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::fault_files::FaultFiles;
 use sarrus_can_core::fault_log::{FaultLog, STATE_NS};
-use sarrus_can_core::frame::Frame;
 use sarrus_can_core::log::{Line, What};
-use sarrus_client::actuators::{ActuatorCommand, Operation, Reason};
+use sarrus_client::actuators::{ActuatorCommand, Reason};
 
 use crate::stderr::say;
 
@@ -30,14 +29,11 @@ const STATES: usize = 8;
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// One element of the queue from the cycle to the thread.
-#[derive(Clone, Copy)]
 enum Input {
-    Frame(u64, usize, Frame),
-    Event(u64, usize, BusEvent),
-    Operate(u64, Operation, Option<usize>),
+    /// None of a command, which would be allocated.
+    Line(Line),
     /// The command itself is in a queue of its own.
     Command(u64),
-    Cycle(u64),
     /// The state after the last cycle is in a queue of its own.
     State(u64),
     /// Inputs found no room.
@@ -59,19 +55,9 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Adds a received frame.
-    pub fn frame(&mut self, t: u64, bus: usize, frame: &Frame) {
-        self.push(Input::Frame(t, bus, *frame));
-    }
-
-    /// Adds an event of a bus.
-    pub fn event(&mut self, t: u64, bus: usize, event: BusEvent) {
-        self.push(Input::Event(t, bus, event));
-    }
-
-    /// Adds an operation of all mechanisms or of an actuator's.
-    pub fn operate(&mut self, t: u64, operation: Operation, actuator: Option<usize>) {
-        self.push(Input::Operate(t, operation, actuator));
+    /// Adds a frame, an event of a bus or an operation.
+    pub fn add(&mut self, t: u64, what: What) {
+        self.push(Input::Line(Line { t, what }));
     }
 
     /// Adds a command.
@@ -85,7 +71,7 @@ impl Journal {
 
     /// Adds a cycle, after the bridge has run it, and once a second the bridge's state.
     pub fn cycle(&mut self, t: u64, bridge: &mut Bridge) {
-        self.push(Input::Cycle(t));
+        self.add(t, What::Cycle);
         if self.has_gap && self.inputs.push(Input::Gap).is_ok() {
             (self.has_gap, self.state_ns) = (false, 0);
         }
@@ -200,15 +186,12 @@ impl JournalWriter {
     }
 
     fn take(&mut self, input: Input) {
-        let (t, what) = match input {
-            Input::Frame(t, bus, frame) => (t, What::Frame(bus, frame)),
-            Input::Event(t, bus, event) => (t, What::Event(bus, event)),
-            Input::Operate(t, operation, actuator) => (t, What::Operate(operation, actuator)),
+        let line = match input {
+            Input::Line(line) => line,
             Input::Command(t) => match self.commands.pop() {
-                Ok(command) => (t, What::Command(Box::new(command))),
+                Ok(command) => Line { t, what: What::Command(Box::new(command)) },
                 Err(_) => return,
             },
-            Input::Cycle(t) => (t, What::Cycle),
             Input::State(t) => {
                 let Ok(words) = self.states.pop() else { return };
                 let room = match &mut self.faults {
@@ -226,7 +209,6 @@ impl JournalWriter {
             }
             Input::Fault(reason) => return self.write_fault(reason),
         };
-        let line = Line { t, what };
         if let (Some(file), Ok(lines)) = (&mut self.log, &mut self.written) {
             match writeln!(file, "{}", line.text(&self.configuration)) {
                 Ok(()) => *lines += 1,

@@ -64,9 +64,7 @@ impl Positions {
         let mut names = vec![String::new(); configuration.actuators.len()];
         for motor in motors {
             let channel = configuration.buses.get(motor.bus).map(|bus| &bus.channel);
-            let ids = motor.drive.identifiers().into_iter();
-            let shared = motor.drive.shared_identifiers().into_iter().map(|shared| shared.id);
-            let ids: Vec<u32> = ids.chain(shared).map(|id| id.number()).collect();
+            let ids: Vec<u32> = motor.numbers().collect();
             (channel, motor.protocol.name, ids).hash(&mut hasher);
             let name = configuration.actuators.get(motor.actuator);
             if let (Some(slot), Some(name)) = (names.get_mut(motor.actuator), name) {

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 use sarrus_can_core::bridge::{Bridge, BusEvent};
+use sarrus_can_core::log::{Line, What};
 use sarrus_can_core::telemetry::{CycleTimes, Telemetry};
 use sarrus_proto::bridge::BridgeEnd;
 use sarrus_proto::watch::Times;
@@ -82,28 +83,28 @@ impl Rules {
     }
 
     fn cycle(&mut self, now: u64) {
+        let give = |journal: &mut Journal, bridge: &mut Bridge, t: u64, what: What| {
+            let line = Line { t, what };
+            line.apply(bridge);
+            journal.add(line.t, line.what);
+        };
         for (bus, end) in self.ends.iter_mut().enumerate() {
             if end.is_late() {
-                self.journal.event(now, bus, BusEvent::Late);
-                self.bridge.bus_event(now, bus, BusEvent::Late);
+                let late = What::Event(bus, BusEvent::Late);
+                give(&mut self.journal, &mut self.bridge, now, late);
             }
             for (at_ns, heard) in end.heard() {
-                match heard {
-                    Heard::Frame(frame) => {
-                        self.journal.frame(at_ns, bus, &frame);
-                        self.bridge.receive(at_ns, bus, &frame);
-                    }
-                    Heard::Event(event) => {
-                        self.journal.event(at_ns, bus, event);
-                        self.bridge.bus_event(at_ns, bus, event);
-                    }
-                }
+                let what = match heard {
+                    Heard::Frame(frame) => What::Frame(bus, frame),
+                    Heard::Event(event) => What::Event(bus, event),
+                };
+                give(&mut self.journal, &mut self.bridge, at_ns, what);
             }
         }
         while let Some(request) = self.services.operation() {
             if let Some(operation) = self.bridge.request(now, &request) {
                 let actuator = request.actuator.checked_sub(1).map(|place| place as usize);
-                self.journal.operate(now, operation, actuator);
+                self.journal.add(now, What::Operate(operation, actuator));
             }
         }
         if let Some(command) = self.services.command() {
@@ -117,8 +118,8 @@ impl Rules {
         for (bus, end) in self.ends.iter_mut().enumerate() {
             let dropped = end.send(number, self.bridge.frames(bus));
             if dropped > 0 {
-                self.journal.event(now, bus, BusEvent::Dropped(dropped));
-                self.bridge.bus_event(now, bus, BusEvent::Dropped(dropped));
+                let dropped = What::Event(bus, BusEvent::Dropped(dropped));
+                give(&mut self.journal, &mut self.bridge, now, dropped);
             }
         }
         self.services.publish(self.bridge.state());

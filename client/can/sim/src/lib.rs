@@ -46,8 +46,10 @@ pub struct Simulated {
     made_of: (String, Settings, Common, Physics),
     firmware: Box<dyn Firmware>,
     stepped_ns: Option<u64>,
-    heard: Option<(u64, Frame)>,
-    n_heard: u64,
+    /// The last frame that was for this motor, and when it came `[ns]`.
+    pub heard: Option<(u64, Frame)>,
+    /// Frames that were for this motor.
+    pub n_heard: u64,
     silent: bool,
     wrong_id: bool,
     replies: FrameQueue,
@@ -122,16 +124,6 @@ impl Simulated {
         self.plant.now_ns = now_ns;
         self.firmware.step(&mut self.plant, &mut self.replies);
         self.send(out);
-    }
-
-    /// The last frame that was for this motor, and when it came `[ns]`.
-    pub fn last_heard(&self) -> Option<(u64, &Frame)> {
-        self.heard.as_ref().map(|(now_ns, frame)| (*now_ns, frame))
-    }
-
-    /// Frames that were for this motor.
-    pub fn n_heard(&self) -> u64 {
-        self.n_heard
     }
 
     /// Its set-point, while it has power.

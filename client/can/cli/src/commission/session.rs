@@ -7,10 +7,12 @@ use std::time::{Duration, Instant};
 
 use sarrus_can_core::config::{Configuration, Limits, MotorConfig};
 use sarrus_client::Controller;
-use sarrus_client::actuators::{ActuatorCommand, ActuatorState, MechanismState, Operation, flag};
+use sarrus_client::actuators::{
+    ActuatorCommand, ActuatorState, MechanismState, Operation, Reason, flag,
+};
 
 use super::model::Model;
-use crate::top::{of, reason_name, state_name};
+use crate::top::of;
 
 /// Stiffness of holding for its damping, as in a stop `[1/s]`.
 const STIFFNESS: f64 = 10.0;
@@ -170,8 +172,8 @@ impl Session {
         }
         let state = of(&self.state.states, actuator);
         let words = || {
-            let reason = reason_name(of(&self.state.reasons, actuator));
-            format!("{}: {reason}", state_name(state))
+            let reason = Reason::name_of(of(&self.state.reasons, actuator));
+            format!("{}: {reason}", MechanismState::name_of(state))
         };
         (state != MechanismState::Enabled as u32).then(words)
     }

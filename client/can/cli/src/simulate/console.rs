@@ -86,14 +86,14 @@ pub(super) fn obey(
         Order::Silence(motor, on) => motors.with(motor, |motor| motor.silence(*on)),
         Order::WrongId(motor, on) => motors.with(motor, |motor| motor.answer_wrongly(*on)),
         Order::Loss(part, bus) => each(lines, bus, |line| {
-            line.lose(*part);
+            line.loss = *part;
             Ok(true)
         })?,
         Order::Delay(delay_ns, bus) => each(lines, bus, |line| {
-            line.delay(*delay_ns);
+            line.delay_ns = *delay_ns;
             Ok(true)
         })?,
-        Order::State(event, bus) => each(lines, bus, |line| line.pretend(*event))?,
+        Order::State(event, bus) => each(lines, bus, |line| line.bus.pretend(*event))?,
     };
     if !done {
         eprintln!("{order:?}: no such motor or bus, or this bus cannot");
@@ -106,7 +106,7 @@ fn each(
     bus: &Option<String>,
     act: impl Fn(&mut Line) -> Result<bool, BusError>,
 ) -> Result<bool, BusError> {
-    let meant = |line: &&mut Line| bus.as_ref().is_none_or(|bus| bus == line.name());
+    let meant = |line: &&mut Line| bus.as_ref().is_none_or(|bus| *bus == line.name);
     lines.iter_mut().filter(meant).try_fold(false, |any, line| Ok(any | act(line)?))
 }
 

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use sarrus_can_core::bridge::BusEvent;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 
 use serde_json::{Value, json};
@@ -12,14 +11,16 @@ use sarrus_can_run::bus::{Bus, BusError, Heard, Sent};
 
 /// A bus with its motors' end of the wire.
 pub(super) struct Line {
-    name: String,
+    pub(super) name: String,
     place: usize,
-    bus: Box<dyn Bus>,
+    pub(super) bus: Box<dyn Bus>,
     replies: FrameQueue,
     /// Frames on their way, with the time at which they are sent `[ns]`.
     waiting: VecDeque<(u64, Frame)>,
-    loss: f64,
-    delay_ns: u64,
+    /// Part of the frames that are lost, in both directions.
+    pub(super) loss: f64,
+    /// Replies come later by this `[ns]`.
+    pub(super) delay_ns: u64,
     random: u64,
     /// Frames heard; replies sent; frames that loss, or a host that does not listen, took.
     counts: [u64; 3],
@@ -39,29 +40,6 @@ impl Line {
             random,
             counts: [0; 3],
         }
-    }
-
-    pub(super) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(super) fn bus(&self) -> &dyn Bus {
-        self.bus.as_ref()
-    }
-
-    /// Part of the frames that are lost, in both directions.
-    pub(super) fn lose(&mut self, part: f64) {
-        self.loss = part;
-    }
-
-    /// Replies come later by this `[ns]`.
-    pub(super) fn delay(&mut self, delay_ns: u64) {
-        self.delay_ns = delay_ns;
-    }
-
-    /// The adapter's state changes; false where this bus cannot.
-    pub(super) fn pretend(&mut self, event: BusEvent) -> Result<bool, BusError> {
-        self.bus.pretend(event)
     }
 
     /// Gives all frames that are there to the motors.

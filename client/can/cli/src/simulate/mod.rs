@@ -24,7 +24,6 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::{process, termios};
 use sarrus_can_core::config::Configuration;
 use sarrus_can_sim::Physics;
-use signal_hook::consts::{SIGINT, SIGTERM};
 
 use console::Order;
 use line::Line;
@@ -99,11 +98,7 @@ struct Simulation {
 }
 
 fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simulation, String> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .map_err(|error| format!("signals: {error}"))?;
-    }
+    let stop = crate::run::until_asked()?;
     let chosen: Vec<usize> = match &arguments.bus {
         None => (0..configuration.buses.len()).collect(),
         Some(name) => {
@@ -211,7 +206,7 @@ impl Simulation {
         }
         self.obey(now_ns)?;
         self.motors.news(now_ns).iter().for_each(|news| say(news));
-        let readable = self.lines.iter().filter_map(|line| line.bus().readable());
+        let readable = self.lines.iter().filter_map(|line| line.bus.readable());
         let mut fds: Vec<PollFd<'_>> =
             readable.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)).collect();
         let due_ns = self.lines.iter().filter_map(Line::due_ns).min();

@@ -3,7 +3,7 @@
 use sarrus_can_core::config::Configuration;
 use sarrus_can_core::frame::{Frame, FrameQueue};
 use sarrus_can_core::mapping::Mapping;
-use sarrus_can_sim::{Physics, Simulated};
+use sarrus_can_sim::{Physics, Plant, Simulated};
 use serde_json::{Value, json};
 
 use super::Dynamics;
@@ -30,16 +30,8 @@ struct Motor {
     simulated: Simulated,
     /// Frames that it sends by itself.
     unasked: FrameQueue,
-    reported: Reported,
-}
-
-/// State of a motor as last reported.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Reported {
-    power: bool,
-    fault: u32,
-    tripped_ns: Option<u64>,
-    has_setpoint: bool,
+    /// As last reported.
+    reported: Plant,
 }
 
 impl Motors {
@@ -64,7 +56,7 @@ impl Motors {
                 mapping: config.mapping,
                 simulated,
                 unasked: FrameQueue::new(16),
-                reported: Reported::default(),
+                reported: Plant::new(physics),
             });
         }
         let robot = match dynamics {
@@ -143,38 +135,27 @@ impl Motors {
     pub(super) fn news(&mut self, now_ns: u64) -> Vec<String> {
         let mut news = Vec::new();
         for motor in &mut self.motors {
-            let plant = &motor.simulated.plant;
-            let reported = Reported {
-                power: plant.power,
-                fault: plant.fault,
-                tripped_ns: plant.tripped_ns,
-                has_setpoint: plant.n_setpoints > 0,
-            };
-            if reported == motor.reported {
-                continue;
-            }
+            let plant = motor.simulated.plant.clone();
+            let before = &motor.reported;
             let name = &motor.name;
             let mut tell = |event: &str, t: u64, more: Value| {
                 news.push(json!({"event": event, "motor": name, "t": t, "value": more}).to_string())
             };
-            if reported.power != motor.reported.power {
-                tell("power", now_ns, json!(reported.power));
+            if plant.power != before.power {
+                tell("power", now_ns, json!(plant.power));
             }
-            if reported.has_setpoint
-                && reported.power
-                && !(motor.reported.has_setpoint && motor.reported.power)
-            {
+            let follows = |plant: &Plant| plant.power && plant.n_setpoints > 0;
+            if follows(&plant) && !follows(before) {
                 tell("first_setpoint", now_ns, json!(setpoint(&motor.simulated)));
             }
-            if let (Some(tripped_ns), true) =
-                (reported.tripped_ns, reported.tripped_ns != motor.reported.tripped_ns)
-            {
+            let is_new = plant.tripped_ns != before.tripped_ns;
+            if let Some(tripped_ns) = plant.tripped_ns.filter(|_| is_new) {
                 tell("watchdog", tripped_ns, json!(true));
             }
-            if reported.fault != motor.reported.fault {
-                tell("fault", now_ns, json!(reported.fault));
+            if plant.fault != before.fault {
+                tell("fault", now_ns, json!(plant.fault));
             }
-            motor.reported = reported;
+            motor.reported = plant;
         }
         news
     }
@@ -189,7 +170,7 @@ impl Motors {
 impl Motor {
     fn report(&self, now_ns: u64) -> Value {
         let plant = &self.simulated.plant;
-        let heard = self.simulated.last_heard();
+        let heard = self.simulated.heard;
         let mapping = &self.mapping;
         let age_ms = |heard_ns| now_ns.saturating_sub(heard_ns) as f64 * 1e-6;
         json!({
@@ -198,7 +179,7 @@ impl Motor {
             "fault": plant.fault,
             "frame": heard.map(|(_, frame)| frame.to_string()),
             "frame_age_ms": heard.map(|(heard_ns, _)| age_ms(heard_ns)),
-            "frames": self.simulated.n_heard(),
+            "frames": self.simulated.n_heard,
             "setpoints": plant.n_setpoints,
             "setpoint": setpoint(&self.simulated),
             "watchdog_ms": plant.watchdog_ns as f64 * 1e-6,

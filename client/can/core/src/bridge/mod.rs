@@ -38,7 +38,7 @@ pub use crate::event::{BusEvent, BusState};
 
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Reason, flag};
 
-use crate::config::{Commissioning, Configuration};
+use crate::config::{Commissioning, Configuration, MotorConfig};
 use crate::drive::{DriveCommand, Power, Receipt};
 use crate::frame::{Frame, FrameQueue};
 use bus::{Bus, FRAMES_PER_MOTOR};
@@ -96,12 +96,20 @@ impl Bridge {
         let buses = buses.collect();
         let period_ns = configuration.period_ns();
         let feedback_ns = configuration.feedback_ns();
-        let motors: Vec<Motor> = std::mem::take(&mut configuration.motors)
+        let number = |motor: &MotorConfig| {
+            configuration.mechanisms.get(motor.actuator).copied().unwrap_or(usize::MAX)
+        };
+        let motors = std::mem::take(&mut configuration.motors);
+        let own_loops = motors.iter().filter(|motor| motor.common.mode.has_own_loops());
+        let rippled: Vec<usize> = own_loops.map(number).collect();
+        let motors: Vec<Motor> = motors
             .into_iter()
             .map(|motor| {
-                let mechanism = configuration.mechanisms.get(motor.actuator).copied();
-                let number = mechanism.unwrap_or(usize::MAX);
+                let number = number(&motor);
                 let mut motor = Motor::new(motor, number, period_ns, feedback_ns);
+                if rippled.contains(&number) {
+                    motor.ripple = rest::STILL * motor.config.limits.speed();
+                }
                 if configuration.commissioning == Commissioning::Waived {
                     motor.lasting |= flag::UNCOMMISSIONED;
                 }

@@ -64,6 +64,8 @@ pub(super) struct Motor {
     pub(super) braking: [f64; 2],
     /// The positions from which it can stop at any allowed speed.
     pub(super) free: [f64; 2],
+    /// Speed by which strokes of own loops in its mechanism may hide the mean one `[rad/s, m/s]`.
+    pub(super) ripple: f64,
     pub(super) noise: Noise,
     /// The phase of its dither, in turns, and whether its last set-point swung by all of it.
     pub(super) phase: f64,
@@ -127,6 +129,7 @@ impl Motor {
             stop: Reference::default(),
             braking,
             free,
+            ripple: 0.0,
             noise: Noise::default(),
             phase: 0.0,
             is_dithered: false,
@@ -306,7 +309,7 @@ state!(Motor {
     is_malformed, is_known, sent_ns, flags, hold, deflection, last_position, last_effort,
     last_total, gravity, stop, noise, phase, is_dithered, rest, whereabouts, lasting, chatter,
     monitors, before, seen_ns, late_before, asked, stiffness;
-    mechanism, is_synchronous, stop_damping, most_damping, braking, free
+    mechanism, is_synchronous, stop_damping, most_damping, braking, free, ripple
 });
 
 /// The drive alone changes.

@@ -31,28 +31,15 @@ impl Reaction {
             | Reason::ModelEffort => Reaction::Brake,
             // the motor is hot or the bus loses frames, but both still work for the time of a stop
             Reason::OverTemperature | Reason::BusPassive => Reaction::Brake,
-            // the measurement is missing, old or wrong: a brake would push anywhere. If no pose of
-            // the mechanism has the positions, at least one of them is wrong
-            Reason::FeedbackStale
-            | Reason::FeedbackFrozen
-            | Reason::FeedbackJump
-            | Reason::FeedbackLate
-            | Reason::SecondAnswer
-            | Reason::LoopResidual
-            | Reason::Unreachable => Reaction::TorqueOff,
-            // the motor does not follow, or follows others too; braking with the other motors of
-            // its mechanism would load the loop on one side. A second master can bring no torque
-            // back but by giving power
-            Reason::MotorFault
-            | Reason::PowerLost
-            | Reason::EffortMismatch
-            | Reason::SecondMaster
-            | Reason::BusOff => Reaction::TorqueOff,
-            // nothing would end the torque if this side failed while it stops
-            Reason::WatchdogOff | Reason::WatchdogUnknown | Reason::WatchdogLong => {
-                Reaction::TorqueOff
-            }
-            // of bridges that stood still, and of mechanisms that do not follow yet
+            // `feedback_…`, `second_answer`, `loop_residual`, `unreachable`: the measurement is
+            // missing, old or wrong, and a brake would push anywhere. If no pose of the mechanism
+            // has the positions, at least one of them is wrong.
+            // `motor_fault`, `power_lost`, `effort_mismatch`, `second_master`, `bus_off`: the motor
+            // does not follow, or follows others too; braking with the other motors of its
+            // mechanism would load the loop on one side. A second master can bring no torque back
+            // but by giving power.
+            // `watchdog_…`: nothing would end the torque if this side failed while it stops.
+            // The others are of bridges that stood still, and of mechanisms that do not follow yet
             _ => Reaction::TorqueOff,
         }
     }

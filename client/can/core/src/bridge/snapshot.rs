@@ -2,7 +2,7 @@
 
 use super::Bridge;
 use crate::config::Configuration;
-use crate::state::{State, Words};
+use crate::state::{State, Words, state};
 
 /// Factor of the room for frames on their way and numbers that are absent yet.
 const ROOM: usize = 2;
@@ -49,38 +49,8 @@ fn of(configuration: &Configuration) -> u64 {
     })
 }
 
-impl State for Bridge {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        let Bridge {
-            configuration: _,
-            motors,
-            mechanisms,
-            model,
-            buses,
-            command,
-            armed_at,
-            disarmed_at,
-            disarmed,
-            commanded,
-            reset_ns,
-            last_cycle_ns,
-            uneven_ns,
-            state: _,
-            counters: _,
-            faults: _,
-            last_fault: _,
-        } = self;
-        motors.carry(words);
-        mechanisms.carry(words);
-        model.iter_mut().for_each(|model| model.carry(words));
-        buses.carry(words);
-        command.carry(words);
-        armed_at.carry(words);
-        disarmed_at.carry(words);
-        disarmed.carry(words);
-        commanded.carry(words);
-        reset_ns.carry(words);
-        last_cycle_ns.carry(words);
-        uneven_ns.carry(words);
-    }
-}
+state!(Bridge {
+    motors, mechanisms, model, buses, command, armed_at, disarmed_at, disarmed, commanded, reset_ns,
+    last_cycle_ns, uneven_ns;
+    configuration, state, counters, faults, last_fault
+});

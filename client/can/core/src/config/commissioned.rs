@@ -33,10 +33,7 @@ impl Configuration {
         for motor in &self.motors {
             let bus = self.buses.get(motor.bus).map_or("", |bus| bus.name.as_str());
             let actuator = self.actuators.get(motor.actuator).map_or("", String::as_str);
-            let ids = motor.drive.identifiers().into_iter();
-            let shared = motor.drive.shared_identifiers().into_iter().map(|shared| shared.id);
-            let ids: Vec<String> =
-                ids.chain(shared).map(|id| format!("0x{:X}", id.number())).collect();
+            let ids = motor.numbers().map(|number| format!("0x{number:X}"));
             let map = &motor.mapping;
             // writing to a string cannot fail
             let _ = writeln!(
@@ -45,7 +42,7 @@ impl Configuration {
                  sign: {}, gear: {}, offset: {}, torque_constant: {}, drive: {}}}",
                 motor.protocol.name,
                 motor.common.mode.name(),
-                ids.join(", "),
+                ids.collect::<Vec<_>>().join(", "),
                 map.sign,
                 map.gear,
                 map.offset,

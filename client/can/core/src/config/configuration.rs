@@ -9,6 +9,7 @@ use sarrus_proto::actuators::Reason;
 use super::commissioned::Commissioning;
 use super::values::{EncoderConfig, MechanismStop, MonitorBounds};
 use crate::drive::{Drive, Mode, Watchdog};
+use crate::frame::Id;
 use crate::mapping::Mapping;
 use crate::protocol::{Common, Protocol, Settings};
 
@@ -182,6 +183,12 @@ impl Limits {
 const HEAVIEST: f64 = 0.4;
 
 impl MotorConfig {
+    /// The numbers of its identifiers, its own and those that several motors may use.
+    pub fn numbers(&self) -> impl Iterator<Item = u32> {
+        let shared = self.drive.shared_identifiers().into_iter().map(|shared| shared.id);
+        self.drive.identifiers().into_iter().chain(shared).map(Id::number)
+    }
+
     /// The largest damping that the motor can be given, which the spring goes with.
     pub(crate) fn most_damping(&self) -> f64 {
         match self.common.mode {

@@ -13,7 +13,7 @@ use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
 use super::reader::{Read, Reader, Robot, nanoseconds};
 use super::stops::Mechanisms;
 use super::{check, plausible};
-use crate::settings::Settings;
+use crate::settings::{Key, Settings};
 
 impl Configuration {
     /// Reads a configuration; `name` is that of its file in messages.
@@ -148,10 +148,14 @@ impl Reader<'_, '_> {
         found
     }
 
-    fn timeouts(&mut self, root: &Node) -> Option<Timeouts> {
+    /// The settings of a group that may be absent: then they are the defaults.
+    fn group(&mut self, root: &Node, name: &str, keys: &'static [Key]) -> Option<Settings> {
         let empty = Node { span: root.span, value: Value::Map(Vec::new()) };
-        let node = root.get("timeouts").unwrap_or(&empty);
-        let read = self.settings(node, "`timeouts`", TIMEOUTS, &[])?;
+        self.settings(root.get(name).unwrap_or(&empty), &quoted(name), keys, &[])
+    }
+
+    fn timeouts(&mut self, root: &Node) -> Option<Timeouts> {
+        let read = self.group(root, "timeouts", TIMEOUTS)?;
         let [damping_ns, disable_ns, feedback_ns, arming_ns] =
             ["damping_ms", "disable_ms", "feedback_ms", "arming_ms"]
                 .map(|key| nanoseconds(read.number(key)));
@@ -165,9 +169,7 @@ impl Reader<'_, '_> {
     }
 
     fn model_rules(&mut self, root: &Node) -> ModelRules {
-        let empty = Node { span: root.span, value: Value::Map(Vec::new()) };
-        let node = root.get("model").unwrap_or(&empty);
-        let read = self.settings(node, "`model`", MODEL, &[]);
+        let read = self.group(root, "model", MODEL);
         let number = |key: &str| read.as_ref().map_or(0.0, |read| read.number(key));
         ModelRules { effort: number("effort"), clearance: number("clearance") }
     }

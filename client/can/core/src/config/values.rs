@@ -101,13 +101,9 @@ impl StopFunction {
     pub(super) const NAMES: &[&str] = &["ss1", "ss2", "quick_stop", "lower", "sto"];
 
     pub(super) fn named(name: &str) -> StopFunction {
-        match name {
-            "ss2" => StopFunction::Ss2,
-            "quick_stop" => StopFunction::QuickStop,
-            "lower" => StopFunction::Lower,
-            "sto" => StopFunction::Sto,
-            _ => StopFunction::Ss1,
-        }
+        use StopFunction::{Lower, QuickStop, Ss1, Ss2, Sto};
+        let mut all = Self::NAMES.iter().zip([Ss1, Ss2, QuickStop, Lower, Sto]);
+        all.find(|(known, _)| **known == name).map_or(Ss1, |(_, function)| function)
     }
 }
 

@@ -22,7 +22,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use sarrus_models::Diagnostics;
 
 /// T-Motor AK in servo mode.
@@ -98,10 +98,6 @@ impl AkServo {
 }
 
 impl Drive for AkServo {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.is_known && self.state().fault == 0;
         let torque = match self.power_up.action(command, is_ready) {
@@ -177,9 +173,6 @@ impl Drive for AkServo {
     fn replies(&self) -> Vec<Reply> {
         vec![Reply::classic(Id::Extended(self.upload << 8 | self.id), 8)]
     }
-
-    /// Nothing: the state comes by itself.
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(Frame::classic(Id::Extended(ZERO << 8 | self.id), &[0]));

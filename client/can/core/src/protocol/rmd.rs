@@ -27,7 +27,7 @@ use crate::drive::{
     Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use sarrus_models::Diagnostics;
 
 /// MyActuator RMD.
@@ -149,10 +149,6 @@ impl Rmd {
 }
 
 impl Drive for Rmd {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.is_known && self.fault == 0;
         match self.power_up.action(command, is_ready) {

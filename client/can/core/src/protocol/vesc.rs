@@ -31,7 +31,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use sarrus_models::Diagnostics;
 
 /// VESC.
@@ -136,10 +136,6 @@ impl Vesc {
 }
 
 impl Drive for Vesc {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         match self.power_up.action(command, self.is_known()) {
             Action::Idle(n) => {
@@ -245,9 +241,6 @@ impl Drive for Vesc {
             .map(|status| Reply::classic(Id::Extended(status << 8 | self.id), 8))
             .to_vec()
     }
-
-    /// Nothing: status messages come by themselves.
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 }
 
 state!(Vesc { power_up, position, reported, reported_ns; id, common, constant, pole_pairs });

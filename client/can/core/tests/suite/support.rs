@@ -47,7 +47,7 @@ pub(crate) fn drive(name: &str, yaml: &str, common: Common) -> Box<dyn Drive> {
 pub(crate) fn cycle(drive: &mut dyn Drive, command: DriveCommand) -> Vec<String> {
     let mut queue = FrameQueue::new(32);
     drive.cycle(0, command, &mut queue);
-    assert_eq!(queue.dropped(), 0);
+    assert!(queue.frames().len() < 32, "all have room");
     queue.frames().iter().map(Frame::to_string).collect()
 }
 
@@ -161,8 +161,7 @@ pub(crate) fn survives_hostile_frames(drive: &mut dyn Drive, seed: u64) {
         };
         let mut queue = FrameQueue::new(16);
         drive.cycle(round, command, &mut queue);
-        assert_eq!(queue.dropped(), 0);
-        assert!(!queue.frames().is_empty());
+        assert!((1..16).contains(&queue.frames().len()), "all have room");
         if random.bits().is_multiple_of(1000) {
             drive.forget();
         }

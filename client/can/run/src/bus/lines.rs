@@ -8,11 +8,14 @@ use rustix::io::{Errno, read, write};
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::slcan::{self, Line, MAX_LINE};
 
+use super::{BusError, Sent};
+
 /// Bytes that are read at once.
 const READ: usize = 4096;
 
 /// Lines in and out.
 pub(super) struct LinePort {
+    pub(super) name: String,
     pub(super) fd: OwnedFd,
     lines: slcan::Lines,
     buffer: [u8; READ],
@@ -23,8 +26,9 @@ pub(super) struct LinePort {
 }
 
 impl LinePort {
-    pub(super) fn new(fd: OwnedFd) -> LinePort {
+    pub(super) fn new(name: String, fd: OwnedFd) -> LinePort {
         LinePort {
+            name,
             fd,
             lines: slcan::Lines::default(),
             buffer: [0; READ],
@@ -34,7 +38,8 @@ impl LinePort {
     }
 
     /// The next line that is already there.
-    pub(super) fn next(&mut self) -> io::Result<Option<Line>> {
+    pub(super) fn next(&mut self) -> Result<Option<Line>, BusError> {
+        let gone = |error: io::Error| BusError::Gone(self.name.clone(), error);
         loop {
             while self.unread.0 < self.unread.1 {
                 let byte = self.buffer.get(self.unread.0).copied().unwrap_or_default();
@@ -44,47 +49,40 @@ impl LinePort {
                 }
             }
             match read(&self.fd, &mut self.buffer) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(0) => return Err(gone(io::ErrorKind::UnexpectedEof.into())),
                 Ok(n) => self.unread = (0, n),
                 Err(Errno::AGAIN) => return Ok(None),
                 Err(Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(gone(error.into())),
             }
         }
     }
 
-    /// Whether a line is written in part only.
-    pub(super) fn is_stuck(&self) -> bool {
-        !self.unwritten.is_empty()
+    /// Lines that are written in part only.
+    pub(super) fn backlog(&self) -> u32 {
+        u32::from(!self.unwritten.is_empty())
     }
 
-    /// Writes a frame; false, and nothing of it, where there is no room.
-    pub(super) fn send(&mut self, frame: &Frame) -> io::Result<bool> {
+    /// Writes a frame, or nothing of it where there is no room.
+    pub(super) fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
         let mut line = [0; MAX_LINE];
         let used = slcan::write(frame, &mut line);
         self.send_line(line.get(..used).unwrap_or_default())
     }
 
-    /// Writes a line with its end; false, and nothing of it, where there is no room.
-    pub(super) fn send_line(&mut self, line: &[u8]) -> io::Result<bool> {
-        while !self.unwritten.is_empty() {
-            let (rest, _) = self.unwritten.as_slices();
-            match write(&self.fd, rest) {
-                Ok(n) => drop(self.unwritten.drain(..n)),
-                Err(Errno::AGAIN) => return Ok(false),
-                Err(Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
+    /// Writes a line with its end, or nothing of it where there is no room.
+    pub(super) fn send_line(&mut self, line: &[u8]) -> Result<Sent, BusError> {
         loop {
-            match write(&self.fd, line) {
-                Ok(n) => {
+            let (rest, _) = self.unwritten.as_slices();
+            match write(&self.fd, if rest.is_empty() { line } else { rest }) {
+                Ok(n) if rest.is_empty() => {
                     self.unwritten.extend(line.iter().skip(n));
-                    return Ok(true);
+                    return Ok(Sent::Taken);
                 }
-                Err(Errno::AGAIN) => return Ok(false),
+                Ok(n) => drop(self.unwritten.drain(..n)),
+                Err(Errno::AGAIN) => return Ok(Sent::Dropped),
                 Err(Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(BusError::Gone(self.name.clone(), error.into())),
             }
         }
     }

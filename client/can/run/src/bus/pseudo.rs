@@ -1,6 +1,5 @@
 //! slcan from the adapter's side: a pseudo-terminal that a bridge opens like a serial adapter.
 
-use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use rustix::fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl};
@@ -15,7 +14,6 @@ use super::{Bus, BusError, Heard, Sent};
 
 /// A simulated adapter. Frames pass while its host has the channel open.
 pub struct Pseudo {
-    name: String,
     port: LinePort,
     /// The host's end stays open here, so that a host may come and go.
     _host: OwnedFd,
@@ -45,8 +43,7 @@ impl Pseudo {
         tcsetattr(&host, OptionalActions::Now, &terminal).map_err(failed)?;
         fcntl_setfl(&fd, fcntl_getfl(&fd).map_err(failed)? | OFlags::NONBLOCK).map_err(failed)?;
         Ok(Pseudo {
-            name,
-            port: LinePort::new(fd),
+            port: LinePort::new(name, fd),
             _host: host,
             open: false,
             listen_only: false,
@@ -56,16 +53,12 @@ impl Pseudo {
 
     /// Path of the host's end.
     pub fn path(&self) -> &str {
-        &self.name
-    }
-
-    fn gone(&self, error: io::Error) -> BusError {
-        BusError::Gone(self.name.clone(), error)
+        &self.port.name
     }
 
     /// An answer; a host that reads none loses it.
     fn answer(&mut self, line: &[u8]) -> Result<(), BusError> {
-        self.port.send_line(line).map(|_| ()).map_err(|error| self.gone(error))
+        self.port.send_line(line).map(drop)
     }
 }
 
@@ -74,18 +67,12 @@ impl Bus for Pseudo {
         if !self.open || self.off {
             return Ok(Sent::Dropped);
         }
-        match self.port.send(frame) {
-            Ok(true) => Ok(Sent::Taken),
-            Ok(false) => Ok(Sent::Dropped),
-            Err(error) => Err(self.gone(error)),
-        }
+        self.port.send(frame)
     }
 
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
         loop {
-            let Some(line) = self.port.next().map_err(|error| self.gone(error))? else {
-                return Ok(None);
-            };
+            let Some(line) = self.port.next()? else { return Ok(None) };
             match line {
                 Line::Frame(frame) if self.open && !self.listen_only && !self.off => {
                     let taken: &[u8] =
@@ -119,7 +106,7 @@ impl Bus for Pseudo {
     }
 
     fn backlog(&self) -> u32 {
-        u32::from(self.port.is_stuck())
+        self.port.backlog()
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {

@@ -16,10 +16,7 @@ use super::{Address, Bus, BusError, Heard, Sent};
 const SPEED: u32 = 115_200;
 
 /// A serial adapter. The channel is open from [`Serial::open`] until it is dropped.
-pub(super) struct Serial {
-    name: String,
-    port: LinePort,
-}
+pub(super) struct Serial(LinePort);
 
 impl Serial {
     /// Opens and locks the port, sets the bit rate and opens the channel.
@@ -60,7 +57,7 @@ impl Serial {
         tcsetattr(&fd, OptionalActions::Now, &terminal).map_err(failed)?;
         tcflush(&fd, QueueSelector::IFlush).map_err(failed)?;
 
-        let mut serial = Serial { name: path.to_owned(), port: LinePort::new(fd) };
+        let mut serial = Serial(LinePort::new(path.to_owned(), fd));
         // an empty line first: it ends a command that the adapter has half read
         serial.tell("\rC\r")?;
         serial.tell(&format!("S{code}\r"))?;
@@ -72,13 +69,14 @@ impl Serial {
     }
 
     fn tell(&mut self, line: &str) -> Result<(), BusError> {
-        match self.port.send_line(line.as_bytes()) {
-            Ok(true) => Ok(()),
-            Ok(false) => Err(refused(
-                &self.name,
+        match self.0.send_line(line.as_bytes()) {
+            Ok(Sent::Taken) => Ok(()),
+            Ok(Sent::Dropped) => Err(refused(
+                &self.0.name,
                 "it takes no bytes; is the adapter, or the program behind the terminal, alive?",
             )),
-            Err(error) => Err(BusError::Open(self.name.clone(), error)),
+            Err(BusError::Gone(name, error)) => Err(BusError::Open(name, error)),
+            Err(error) => Err(error),
         }
     }
 }
@@ -89,18 +87,12 @@ fn refused(name: &str, why: &str) -> BusError {
 
 impl Bus for Serial {
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
-        match self.port.send(frame) {
-            Ok(true) => Ok(Sent::Taken),
-            Ok(false) => Ok(Sent::Dropped),
-            Err(error) => Err(BusError::Gone(self.name.clone(), error)),
-        }
+        self.0.send(frame)
     }
 
     fn next(&mut self) -> Result<Option<Heard>, BusError> {
         loop {
-            let line =
-                self.port.next().map_err(|error| BusError::Gone(self.name.clone(), error))?;
-            match line {
+            match self.0.next()? {
                 None => return Ok(None),
                 Some(Line::Frame(frame)) => return Ok(Some(Heard::Frame(frame))),
                 Some(line) => {
@@ -113,17 +105,17 @@ impl Bus for Serial {
     }
 
     fn backlog(&self) -> u32 {
-        u32::from(self.port.is_stuck())
+        self.0.backlog()
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
-        Some(self.port.fd.as_fd())
+        Some(self.0.fd.as_fd())
     }
 }
 
 impl Drop for Serial {
     fn drop(&mut self) {
         // a port that is gone needs no closing
-        let _ = self.port.send_line(b"C\r");
+        let _ = self.0.send_line(b"C\r");
     }
 }

@@ -302,7 +302,10 @@ impl Firmware for Cia402 {
             if self.network != Network::Stopped {
                 self.measure(plant);
                 sdo::answer(&mut self.objects, 0x580 + u32::from(self.node), frame, out);
-                self.control_by_sdo(plant);
+                // control words work over SDO too, which is how commissioning tools use them
+                if core::mem::take(&mut self.objects.written) == Some(Object::Control) {
+                    self.control(plant);
+                }
             }
             return true;
         }
@@ -354,15 +357,6 @@ impl Firmware for Cia402 {
             let asynchronous =
                 self.objects.transmit.into_iter().filter(|pdo| pdo.is_valid() && pdo.kind >= 254);
             asynchronous.for_each(|pdo| self.give(&pdo, out));
-        }
-    }
-}
-
-impl Cia402 {
-    /// Control words work over SDO too, which is how commissioning tools use them.
-    fn control_by_sdo(&mut self, plant: &mut Plant) {
-        if core::mem::take(&mut self.objects.written) == Some(Object::Control) {
-            self.control(plant);
         }
     }
 }

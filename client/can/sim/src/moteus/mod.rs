@@ -54,63 +54,23 @@ pub(super) struct Moteus {
     mode: u8,
     stiffness: f64,
     damping: f64,
-    command: Command,
+    /// The commanded mode, and the registers of its command as [`NEW`].
+    commanded: u8,
+    command: [f64; 12],
     /// Its own set-point on the way to the commanded one, where there is a limit `[turns,
     /// turns/s]`.
     way: Option<(f64, f64)>,
     stepped_ns: u64,
 }
 
-/// The mode, and the registers 20 to 2B (hexadecimal), in their own units; NaN where they stand for
-/// something else.
-#[derive(Clone, Copy, Debug)]
-struct Command {
-    mode: u8,
-    position: f64,
-    velocity: f64,
-    torque: f64,
-    stiffness_scale: f64,
-    damping_scale: f64,
-    max_torque: f64,
-    timeout: f64,
-    velocity_limit: f64,
-    acceleration_limit: f64,
-    ilimit_scale: f64,
-}
-
-impl Command {
-    /// The registers at the start of each frame that sets the mode.
-    const NEW: Command = Command {
-        mode: STOPPED,
-        position: 0.0,
-        velocity: 0.0,
-        torque: 0.0,
-        stiffness_scale: 1.0,
-        damping_scale: 1.0,
-        max_torque: f64::NAN,
-        timeout: 0.0,
-        velocity_limit: f64::NAN,
-        acceleration_limit: f64::NAN,
-        ilimit_scale: 1.0,
-    };
-
-    /// The register of a field.
-    fn field(&mut self, register: u32) -> Option<&mut f64> {
-        Some(match register {
-            0x020 => &mut self.position,
-            0x021 => &mut self.velocity,
-            0x022 => &mut self.torque,
-            0x023 => &mut self.stiffness_scale,
-            0x024 => &mut self.damping_scale,
-            0x025 => &mut self.max_torque,
-            0x027 => &mut self.timeout,
-            0x028 => &mut self.velocity_limit,
-            0x029 => &mut self.acceleration_limit,
-            0x02B => &mut self.ilimit_scale,
-            _ => return None,
-        })
-    }
-}
+/// Registers 020 to 02B (hexadecimal) at the start of each frame that sets the mode, in their own
+/// units; NaN where they stand for something else: position, velocity, torque, scales of stiffness
+/// and damping, largest torque, stop position, timeout, limits of velocity and acceleration,
+/// voltage, scale of the integrator's limit.
+const NEW: [f64; 12] = {
+    const NONE: f64 = f64::NAN;
+    [0.0, 0.0, 0.0, 1.0, 1.0, NONE, NONE, 0.0, NONE, NONE, NONE, 1.0]
+};
 
 impl Moteus {
     pub(super) fn new(settings: &Settings, _common: Common, plant: &mut Plant) -> Moteus {
@@ -121,7 +81,8 @@ impl Moteus {
             mode: STOPPED,
             stiffness: settings.number_or("kp", stiffness) / TAU,
             damping: settings.number_or("kd", damping) / TAU,
-            command: Command::NEW,
+            commanded: STOPPED,
+            command: NEW,
             way: None,
             stepped_ns: 0,
         }
@@ -164,16 +125,16 @@ impl Moteus {
 
     /// Writes a register; whether it makes a command of the frame.
     fn write(&mut self, register: u32, value: f64, plant: &mut Plant, answer: &mut Answer) -> bool {
-        if let Some(field) = self.command.field(register) {
-            *field = value;
+        if let Some(place) = self.command.get_mut(register.wrapping_sub(0x020) as usize) {
+            *place = value;
             return false;
         }
         match register {
             0x000 => {
-                self.command = Command { mode: value as u8, ..Command::NEW };
+                (self.commanded, self.command) = (value as u8, NEW);
                 return true;
             }
-            0x026 | 0x02A | 0x02C..=0x02F => {}
+            0x02C..=0x02F => {}
             0x130 => {
                 // the whole turn nearest to the value stays
                 let turn = (plant.measured() / TAU - value).round();
@@ -191,7 +152,7 @@ impl Moteus {
 
     /// Takes a whole command.
     fn act(&mut self, plant: &mut Plant) {
-        match self.command.mode {
+        match self.commanded {
             STOPPED => {
                 self.mode = STOPPED;
                 plant.fault = 0;
@@ -201,11 +162,8 @@ impl Moteus {
             mode @ (POSITION | ZERO_VELOCITY | BRAKE) if !matches!(self.mode, FAULT | TIMEOUT) => {
                 self.mode = if matches!(self.mode, STOPPED | STARTING) { STARTING } else { mode };
                 // 0 is the configured one, NaN is none
-                let timeout = if self.command.timeout == 0.0 {
-                    DEFAULT_TIMEOUT
-                } else {
-                    self.command.timeout
-                };
+                let [.., timeout, _, _, _, _] = self.command;
+                let timeout = if timeout == 0.0 { DEFAULT_TIMEOUT } else { timeout };
                 plant.watchdog_ns = (timeout * 1e9) as u64;
                 let law = self.law(plant);
                 plant.follow(law);
@@ -216,21 +174,21 @@ impl Moteus {
 
     /// The law of the command.
     fn law(&mut self, plant: &mut Plant) -> Setpoint {
-        let command = self.command;
+        let [position, velocity, torque, stiffness, damping, most, ..] = self.command;
         let or = |number: f64, usual: f64| if number.is_nan() { usual } else { number };
-        plant.physics.torque_limit = or(command.max_torque, f64::INFINITY);
-        if command.mode != POSITION {
+        plant.physics.torque_limit = or(most, f64::INFINITY);
+        if self.commanded != POSITION {
             return Setpoint { damping: HOLD, ..Setpoint::default() };
         }
         // no position: where it is
-        let position = or(command.position, plant.measured() / TAU);
-        let (position, velocity) = self.way.unwrap_or((position, or(command.velocity, 0.0)));
+        let position = or(position, plant.measured() / TAU);
+        let (position, velocity) = self.way.unwrap_or((position, or(velocity, 0.0)));
         Setpoint {
             position: position * TAU,
             velocity: velocity * TAU,
-            torque: or(command.torque, 0.0),
-            stiffness: self.stiffness * or(command.stiffness_scale, 1.0).clamp(0.0, 1.0),
-            damping: self.damping * or(command.damping_scale, 1.0).clamp(0.0, 1.0),
+            torque: or(torque, 0.0),
+            stiffness: self.stiffness * or(stiffness, 1.0).clamp(0.0, 1.0),
+            damping: self.damping * or(damping, 1.0).clamp(0.0, 1.0),
         }
     }
 
@@ -240,16 +198,16 @@ impl Moteus {
             let number = if number.is_nan() { usual } else { number };
             if number < 0.0 { f64::INFINITY } else { number }
         };
-        let most = limit(self.command.velocity_limit, f64::INFINITY);
-        let acceleration = limit(self.command.acceleration_limit, DEFAULT_ACCELERATION);
+        let [target, .., velocity, acceleration, _, _] = self.command;
+        let most = limit(velocity, f64::INFINITY);
+        let acceleration = limit(acceleration, DEFAULT_ACCELERATION);
         if most.is_infinite() && acceleration.is_infinite() {
             self.way = None;
             return;
         }
         let (position, velocity) =
             self.way.unwrap_or((plant.measured() / TAU, plant.velocity / TAU));
-        let rest =
-            if self.command.position.is_nan() { 0.0 } else { self.command.position - position };
+        let rest = if target.is_nan() { 0.0 } else { target - position };
         let desired = (2.0 * acceleration * rest.abs())
             .sqrt()
             .min(most)
@@ -298,8 +256,8 @@ impl Moteus {
                 }
             }
             _ => {
-                let mut command = self.command;
-                command.field(register).map_or(0.0, |field| *field)
+                let place = register.wrapping_sub(0x020) as usize;
+                self.command.get(place).copied().unwrap_or(0.0)
             }
         }
     }
@@ -328,7 +286,7 @@ impl Firmware for Moteus {
         let elapsed = plant.now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
         self.stepped_ns = plant.now_ns;
         if self.mode == STARTING {
-            (self.mode, self.way) = (self.command.mode, None);
+            (self.mode, self.way) = (self.commanded, None);
             plant.start();
         }
         if plant.power && self.mode == POSITION && elapsed > 0.0 {

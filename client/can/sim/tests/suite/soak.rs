@@ -39,6 +39,8 @@ const PART: f64 = 0.85;
 const CODES: f64 = 0.98;
 /// Time for which a motor may lag behind `[s]`.
 const FOLLOWING_S: f64 = 0.5;
+/// A speed beyond its limit is found within so many cycles.
+const FOUND_CYCLES: usize = 8;
 /// Part of its box that a robot leaves no more, to which no pose is near to a singular one.
 const LEFT: f64 = 1.1;
 /// How far a damper turns its motor's speed in the time until it takes effect: it swings at π/2.
@@ -99,11 +101,12 @@ struct Run {
     rests: bool,
     /// Longest time for which answers are held back, and for which frames are cut off `[cycles]`.
     bursts: [u64; 2],
-    /// How long an actuator has been behind, and was at most `[s]`.
-    behind: [f64; 2],
-    /// The fastest lately, as part of the limit, and the greatest part of the way to a limit that a
-    /// stop needed.
-    fastest: f64,
+    /// How long an actuator may have been behind, has been behind for certain, and was so at most
+    /// `[s]`.
+    behind: [f64; 3],
+    /// The fastest in each of the last cycles, in which it is found, as part of the limit, and the
+    /// greatest part of the way to a limit that a stop needed lately.
+    fastest: [f64; FOUND_CYCLES],
     braking: f64,
     numbers: Vec<f64>,
 }
@@ -120,11 +123,12 @@ fn braking(shaft: &Shaft, period_ns: u64) -> f64 {
     speed * (0.5 * speed * 0.4 / limits.velocity + delay) / room
 }
 
-/// Whether an actuator is farther behind than `following_error` in the README allows.
-fn is_behind(shaft: &Shaft, command: &ActuatorCommand) -> bool {
+/// Whether an actuator is farther behind than `following_error` in the README allows, by this
+/// factor.
+fn is_behind(shaft: &Shaft, command: &ActuatorCommand, factor: f64) -> bool {
     let [position, _] = shaft.at_actuator();
     let limits = &shaft.limits;
-    let error = (command.position[shaft.actuator] - position).abs() / CODES;
+    let error = (command.position[shaft.actuator] - position).abs() / factor;
     let pull = command.stiffness[shaft.actuator] * error / limits.effort;
     let part = error / (limits.upper - limits.lower);
     match shaft.mode {
@@ -205,8 +209,8 @@ impl Run {
             rest_ns: u64::MAX,
             rests: false,
             bursts: [0, 0],
-            behind: [0.0; 2],
-            fastest: 0.0,
+            behind: [0.0; 3],
+            fastest: [0.0; FOUND_CYCLES],
             braking: 0.0,
             numbers: Vec::new(),
             world,
@@ -378,14 +382,19 @@ impl Run {
             }
         }
         world.cycle();
-        (self.fastest, self.braking) = (0.99 * self.fastest, 0.999 * self.braking);
-        let is_behind = world.shafts.iter().any(|shaft| is_behind(shaft, &world.command));
-        let [behind, most] = self.behind;
-        let behind = if is_behind { behind + period_ns as f64 * 1e-9 } else { 0.0 };
-        self.behind = [behind, most.max(behind)];
+        for (behind, factor) in self.behind.iter_mut().zip([CODES, 1.0 / CODES]) {
+            let is_behind = |shaft: &Shaft| is_behind(shaft, &world.command, factor);
+            let is_behind = world.shafts.iter().any(is_behind);
+            *behind = if is_behind { *behind + period_ns as f64 * 1e-9 } else { 0.0 };
+        }
+        let [_, behind, most] = &mut self.behind;
+        *most = most.max(*behind);
+        self.braking *= 0.999;
+        self.fastest.rotate_right(1);
+        self.fastest[0] = 0.0;
         for shaft in &world.shafts {
             let [_, velocity] = shaft.at_actuator();
-            self.fastest = self.fastest.max(velocity.abs() / shaft.limits.velocity);
+            self.fastest[0] = self.fastest[0].max(velocity.abs() / shaft.limits.velocity);
             self.braking = self.braking.max(braking(shaft, period_ns));
         }
     }
@@ -410,7 +419,7 @@ impl Run {
             position > shaft.limits.upper + margin || position < shaft.limits.lower - margin
         };
         match reason {
-            Reason::VelocityLimit => self.fastest > 1.05,
+            Reason::VelocityLimit => self.fastest.iter().any(|part| *part > 1.05),
             Reason::PositionLimit => {
                 self.world.shafts.iter().any(is_beyond) || self.braking > CODES
             }
@@ -450,18 +459,24 @@ impl Run {
         }
     }
 
-    /// Asks for power until this time is over; whether a motor got it, or the reasons against it.
+    /// Asks for power until this time is over, and on until one of these reasons is told, which a
+    /// set-up of the motor comes before; an error where a motor got power, or by other reasons.
     fn is_refused(
         &mut self,
         seconds: f64,
+        of: &[Reason],
         mut each: impl FnMut(&mut World),
-    ) -> Result<Vec<Reason>, String> {
+    ) -> Result<f64, String> {
         self.world.operate(Operation::Reset);
         self.cycle();
         self.world.operate(Operation::Arm);
-        let end_ns = self.world.now_ns + (seconds * 1e9) as u64;
+        let begin_ns = self.world.now_ns;
+        let end_ns = begin_ns + (seconds * 1e9) as u64;
+        let last_ns = begin_ns + self.world.bridge.configuration().timeouts.arming_ns;
         let mut reasons = Vec::new();
-        while self.world.now_ns < end_ns {
+        let is_told =
+            |reasons: &[Reason]| of.is_empty() || of.iter().any(|reason| reasons.contains(reason));
+        while self.world.now_ns < if is_told(&reasons) { end_ns } else { last_ns } {
             each(&mut self.world);
             self.cycle();
             let (state, why) = self.world.state(0);
@@ -472,7 +487,7 @@ impl Run {
                 return Err("it was armed".to_owned());
             }
         }
-        Ok(reasons)
+        is_told(&reasons).then_some(0.0).ok_or_else(|| format!("refused by {reasons:?}"))
     }
 }
 
@@ -500,7 +515,7 @@ impl Tally {
         self.seconds[kind] += (run.world.now_ns - begin_ns) as f64 * 1e-9;
         let about = format!(
             "seed {seed}, {} at {} Hz, loss {:.3}, jitter {:?} µs, noise {:.1}, bursts {:?}, \
-                fastest {:.3}, braking {:.3}",
+                fastest {:.3?}, braking {:.3}",
             run.name,
             1_000_000_000 / run.world.period_ns,
             run.world.loss,

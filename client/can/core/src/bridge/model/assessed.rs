@@ -7,7 +7,7 @@ use super::effort::Contradiction;
 use super::evaluator::Pose;
 use super::linkage::Linkage;
 use super::tracker::Tracker;
-use crate::state::{State, Words, state_of_enum};
+use crate::state::{state, state_of_enum};
 
 /// Assessments between two retries of a mechanism that is lost for longer.
 const RARELY: u64 = 16;
@@ -44,17 +44,19 @@ pub(super) struct Assessed {
     bounds: Vec<[f64; 2]>,
     least_clearance: f64,
     /// Velocities of its independents, the time until they have stopped, counted at these
-    /// velocities, and the clearance then.
+    /// velocities, and the clearance then; clearance and independents of the pose before.
     rates: Vec<f64>,
     ahead: f64,
     clearance_ahead: f64,
     clearance_before: f64,
+    y_before: Vec<f64>,
     pub(super) contradiction: Contradiction,
     /// When all of its actuators had measured anew, at the last look at their motion `[ns]`.
     pub(super) seen_ns: u64,
     /// When filtered efforts and motion are of the same time again `[ns]`.
     pub(super) settled_ns: u64,
-    pub(super) fault: Option<Reason>,
+    /// [`Reason::None`] without one.
+    pub(super) fault: Reason,
 }
 
 impl Assessed {
@@ -70,10 +72,11 @@ impl Assessed {
             ahead: 0.0,
             clearance_ahead: 1.0,
             clearance_before: f64::NAN,
+            y_before: vec![0.0; linkage.independents.len()],
             contradiction: Contradiction::default(),
             seen_ns: 0,
             settled_ns: 0,
-            fault: None,
+            fault: Reason::None,
             linkage,
         }
     }
@@ -100,7 +103,8 @@ impl Assessed {
 
     /// Where the mechanism can stop: y + ẏ (t + |u̇| / (2 a)), with the delay t and deceleration a
     /// of its slowest actuator, and its clearance likewise; `h` seconds after the last assessment.
-    /// The factor is that of the pose.
+    /// Measurements of two poses may lie farther apart than the assessments: the time is then that
+    /// of the way between the poses, Δy · ẏ / ẏ². The factor is that of the pose.
     pub(super) fn foresee(
         &mut self,
         pose: &Pose,
@@ -108,7 +112,7 @@ impl Assessed {
         braking: &[[f64; 2]],
         h: f64,
     ) {
-        let Assessed { linkage, rates, .. } = self;
+        let Assessed { linkage, rates, y_before, .. } = self;
         let mut ahead = 0.0_f64;
         for &u in &linkage.actuators {
             let [a, delay] = braking[u];
@@ -119,7 +123,15 @@ impl Assessed {
         let is_reported = rates.iter().all(|rate| rate.is_finite());
         self.ahead = if is_reported { ahead } else { 0.0 };
         let clearance = self.measured.clearance;
-        let rate = (clearance - self.clearance_before) / h;
+        let mut way = 0.0;
+        let mut square = 0.0;
+        for ((y, before), rate) in self.measured.good.iter().zip(y_before).zip(rates) {
+            way += (y - *before) * *rate;
+            square += *rate * *rate;
+            *before = *y;
+        }
+        // NaN at rest
+        let rate = (clearance - self.clearance_before) / h.max(way / square);
         self.clearance_ahead = if rate < 0.0 { clearance + rate * self.ahead } else { clearance };
         self.clearance_before = clearance;
     }
@@ -155,45 +167,17 @@ impl Assessed {
         let least = least_clearance.min(NEARER * clearance);
         self.least_clearance = if is_powered { self.least_clearance.max(least) } else { least };
         if is_near {
-            self.fault = Some(Reason::NearSingular);
+            self.fault = Reason::NearSingular;
         } else if is_beyond {
-            self.fault = Some(Reason::MechanismLimit);
+            self.fault = Reason::MechanismLimit;
         }
     }
 }
 
 state_of_enum!(Activity { Idle, Powered, Ramping, Following });
 
-impl State for Assessed {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        let Assessed {
-            linkage: _,
-            measured,
-            commanded,
-            activity,
-            bounds,
-            least_clearance,
-            // of one assessment
-            rates: _,
-            ahead: _,
-            clearance_ahead: _,
-            clearance_before,
-            contradiction,
-            seen_ns,
-            settled_ns,
-            fault,
-        } = self;
-        measured.carry(words);
-        commanded.carry(words);
-        activity.carry(words);
-        bounds.carry(words);
-        least_clearance.carry(words);
-        clearance_before.carry(words);
-        contradiction.carry(words);
-        seen_ns.carry(words);
-        settled_ns.carry(words);
-        let mut reason = fault.unwrap_or(Reason::None);
-        reason.carry(words);
-        *fault = (reason != Reason::None).then_some(reason);
-    }
-}
+state!(Assessed {
+    measured, commanded, activity, bounds, least_clearance, clearance_before, y_before,
+    contradiction, seen_ns, settled_ns, fault;
+    linkage, rates, ahead, clearance_ahead
+});

@@ -1,15 +1,29 @@
-//! Compares each encoder's joint position with the solved pose.
+//! Encoders in addition to those of the motors: compares each one's joint position with the solved
+//! pose.
 
 use sarrus_proto::actuators::Reason;
 
 use super::RobotModel;
 use super::assessed::Assessed;
-use super::encoder::Encoder;
-use crate::config::Configuration;
+use crate::config::{Configuration, EncoderConfig};
 use crate::frame::Frame;
+use crate::state::state;
 
 /// Contradictory assessments after which the encoder is a fault.
 const CONTRADICTIONS: u32 = 2;
+
+/// An encoder and its last report.
+#[derive(Debug)]
+pub(super) struct Encoder {
+    pub(super) config: EncoderConfig,
+    /// Index of its joint in q.
+    pub(super) place: usize,
+    /// The mechanism of its joint.
+    pub(super) mechanism: usize,
+    pub(super) position: f64,
+    pub(super) measured_ns: Option<u64>,
+    pub(super) contradictions: u32,
+}
 
 impl RobotModel {
     /// The encoders of a configuration on joints of mechanisms. Allocates.
@@ -59,7 +73,9 @@ impl RobotModel {
             let number = encoder.mechanism;
             let reason = self.of_encoder(e, now_ns);
             let fault = &mut self.mechanisms[number].fault;
-            *fault = fault.or(reason);
+            if *fault == Reason::None {
+                *fault = reason.unwrap_or(Reason::None);
+            }
         }
     }
 
@@ -80,3 +96,5 @@ impl RobotModel {
         }
     }
 }
+
+state!(Encoder { position, measured_ns, contradictions; config, place, mechanism });

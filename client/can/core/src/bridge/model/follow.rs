@@ -22,7 +22,7 @@ impl RobotModel {
         for k in 0..self.mechanisms.len() {
             let is_measured = self.is_measured(&self.mechanisms[k]);
             let mechanism = &mut self.mechanisms[k];
-            mechanism.fault = None;
+            mechanism.fault = Reason::None;
             if !is_measured || !mechanism.linkage.is_determined() {
                 continue;
             }
@@ -80,7 +80,7 @@ impl RobotModel {
                 mechanism.foresee(&self.pose, &self.measured, &self.braking, h);
                 mechanism.assess_limits(self.rules.clearance);
             } else if tracker.lost >= LOST {
-                mechanism.fault = Some(mechanism.no_pose());
+                mechanism.fault = mechanism.no_pose();
             }
         }
         self.compare_encoders(now_ns);
@@ -168,7 +168,7 @@ impl RobotModel {
                 let Assessed { commanded, fault, .. } = &mut self.mechanisms[k];
                 commanded.lost = if commanded.is_found { 0 } else { commanded.lost + 1 };
                 if commanded.lost >= LOST {
-                    *fault = Some(Reason::MechanismLimit);
+                    *fault = Reason::MechanismLimit;
                 }
             }
         }

@@ -81,8 +81,8 @@ impl RobotModel {
                 });
             }
             let is_settled = *seen_ns >= *settled_ns;
-            if is_settled && contradiction.update(*seen_ns, is_beyond) && fault.is_none() {
-                *fault = Some(Reason::ModelEffort);
+            if is_settled && contradiction.update(*seen_ns, is_beyond) && *fault == Reason::None {
+                *fault = Reason::ModelEffort;
             }
         }
     }

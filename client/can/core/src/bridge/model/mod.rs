@@ -8,7 +8,6 @@
 
 mod assessed;
 mod effort;
-mod encoder;
 mod encoders;
 mod evaluator;
 mod follow;
@@ -20,12 +19,12 @@ mod tracker;
 use sarrus_proto::actuators::Reason;
 
 use super::monitors::position;
-use crate::config::{Configuration, Limits, ModelRules, MotorConfig};
-use crate::state::state;
+use crate::config::{Configuration, Limits, ModelRules};
+use crate::state::{State, Words, state};
 pub(super) use assessed::Activity;
 use assessed::Assessed;
 use effort::Filtered;
-use encoder::Encoder;
+use encoders::Encoder;
 use evaluator::{Evaluator, Pose};
 
 /// Measurements of an actuator.
@@ -96,15 +95,12 @@ impl RobotModel {
         let n_vy = evaluator.model.sizes().n_vy;
         let n_u = evaluator.model.sizes().n_u;
         let mut limits = vec![Limits::NONE; n_u];
-        for MotorConfig { actuator, limits: of_motor, .. } in &configuration.motors {
-            if let Some(place) = limits.get_mut(*actuator) {
-                *place = *of_motor;
-            }
-        }
         let mut braking = vec![[f64::INFINITY, 0.0]; n_u];
         for motor in &configuration.motors {
-            if let Some(place) = braking.get_mut(motor.actuator) {
-                *place = [motor.braking(), position::delay(configuration.period_ns())];
+            let u = motor.actuator;
+            if let (Some(limits), Some(braking)) = (limits.get_mut(u), braking.get_mut(u)) {
+                *limits = motor.limits;
+                *braking = [motor.braking(), position::delay(configuration.period_ns())];
             }
         }
         let structure = setup::structure(&mut evaluator, &zero, configuration, &limits)?;
@@ -169,7 +165,8 @@ impl RobotModel {
 
     /// The fault of a mechanism that has power.
     pub(super) fn fault(&self, number: usize) -> Option<Reason> {
-        self.mechanisms.get(number).and_then(|mechanism| mechanism.fault)
+        let fault = self.mechanisms.get(number).map(|mechanism| mechanism.fault);
+        fault.filter(|fault| *fault != Reason::None)
     }
 
     /// The reason that keeps a mechanism whose motors all measure from getting power.
@@ -211,3 +208,10 @@ state!(RobotModel {
     gravity, known, cycle, last_ns;
     rules, evaluator, owners, coupled, limits, braking, feedback_ns, home, rates, asked
 });
+
+/// There is one where the configuration has a robot.
+impl State for Option<RobotModel> {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        self.iter_mut().for_each(|model| model.carry(words));
+    }
+}

@@ -20,7 +20,7 @@ const LEAST_PART: f64 = 1.0 / 16.0;
 #[derive(Debug)]
 pub(super) struct Tracker {
     /// The independents of the last good pose, and the next ones to evaluate.
-    good: Vec<f64>,
+    pub(super) good: Vec<f64>,
     pub(super) next: Vec<f64>,
     step: Vec<f64>,
     part: f64,

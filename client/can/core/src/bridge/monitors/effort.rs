@@ -3,11 +3,12 @@
 //!
 //! With gains in the motor the commanded effort depends on the motor's own measurement, and a reply
 //! shows the effort of an earlier set-point. So the last two set-points are applied to the newest
-//! measurement, and the range of their efforts is kept for about 8 ms. The report may lie outside
-//! by a part of the limit, by the noise of its own codes, and by the noise of position and velocity
-//! times the gains. A motor that reports almost no effort while the whole range exceeds 5 % of the
-//! limit is limp, however small the difference. Motors with their own position or velocity loop may
-//! use up to the limit.
+//! measurement, and the range of their efforts is kept for about 8 ms, or where that is longer for
+//! two cycles, the age that the measurement may have (`punctual`) and the unevenness of cycles
+//! (`velocity`). The report may lie outside by a part of the limit, by the noise of its own codes,
+//! and by the noise of position and velocity times the gains. A motor that reports almost no effort
+//! while the whole range exceeds 5 % of the limit is limp, however small the difference. Motors
+//! with their own position or velocity loop may use up to the limit.
 
 use sarrus_proto::actuators::Reason;
 
@@ -15,8 +16,15 @@ use super::{NOISE, Seen};
 use crate::drive::Mode;
 use crate::state::state;
 
-/// Time for which set-points are kept `[s]`.
+/// Least time for which set-points are kept `[s]`, and cycles from a set-point to its report.
 const MEMORY: f64 = 8e-3;
+const CYCLES: f64 = 2.0;
+
+/// The longest time from a set-point to a report that is not late, for a cycle and by how much
+/// measurements are taken at unequal ones `[s]`.
+pub(in crate::bridge) fn lag(period: f64, clocks: f64) -> f64 {
+    CYCLES * period + clocks
+}
 /// Consecutive measurements outside the range, and the time from the first to the last `[s]`.
 const OFF: (u32, f64) = (3, 6e-3);
 const LIMP: (u32, f64) = (5, 12e-3);
@@ -70,7 +78,9 @@ impl Effort {
             if !(one + two).is_finite() {
                 return None;
             }
-            let forget = (seen.elapsed / MEMORY).min(1.0);
+            let [_, late] = seen.late;
+            let memory = MEMORY.max(late + seen.lag);
+            let forget = (seen.elapsed / memory).min(1.0);
             self.low = (self.low + forget * (one - self.low)).min(one).min(two);
             self.high = (self.high + forget * (one - self.high)).max(one).max(two);
             noise += NOISE * (last.stiffness * steps.position + last.damping * steps.velocity);

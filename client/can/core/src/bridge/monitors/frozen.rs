@@ -3,9 +3,9 @@
 //! Since the last change of the code, one of these holds:
 //!
 //! - the reported velocity, if it is more than its noise, integrates to more than five codes in the
-//!   shortest time that may have passed. A motor with its own loop answers each set-point, and so
-//!   those of other motors of its mechanism, with a stroke, of which reports show the same moment:
-//!   they differ from the mean velocity, and count only beyond that of rest ([`rest::STILL`]); or
+//!   shortest time that may have passed. A motor with its own loop answers each set-point with a
+//!   stroke that moves all motors of its mechanism, and of which reports show the same moment: they
+//!   differ from the mean velocity, and count only beyond that of rest (`ripple`); or
 //! - the commanded effort changed by more than a part of the limit while the joint was at rest, and
 //!   would have moved it by one and a half codes had it the least acceleration: with its greatest
 //!   effort a joint reaches its greatest speed within [`SLOWEST`]; or
@@ -25,7 +25,6 @@ use sarrus_proto::actuators::Reason;
 
 use super::effort::Run;
 use super::{NOISE, Seen};
-use crate::bridge::rest;
 use crate::drive::Mode;
 use crate::state::state;
 
@@ -95,8 +94,7 @@ impl Frozen {
         let elapsed = seen.shortest();
         // comparisons of NaN fail: a velocity that is not reported passes none
         let velocity = seen.measured.velocity;
-        let ripple = if seen.mode.has_own_loops() { rest::STILL * limits.speed() } else { 0.0 };
-        if velocity.abs() > (NOISE * steps.velocity).max(ripple) {
+        if velocity.abs() > NOISE * steps.velocity && velocity.abs() > seen.ripple {
             self.passed += velocity * elapsed;
         }
         let settles = self.interval < SLOW && self.still < SETTLED.max(REST * self.interval);

@@ -22,7 +22,7 @@ pub(super) use noise::{DITHER, Noise};
 pub(super) use punctual::Punctual;
 use sarrus_proto::actuators::Reason;
 #[cfg(test)]
-pub(super) use velocity::clocks;
+pub(super) use {effort::lag, velocity::clocks};
 
 use super::rest;
 use crate::config::{Limits, MonitorBounds, MotorConfig};
@@ -48,6 +48,8 @@ pub(super) struct Seen<'a> {
     /// Time between two cycles, and by how much measurements are taken at unequal ones `[s]`.
     pub(super) period: f64,
     pub(super) clocks: f64,
+    /// The longest time from a set-point to a report that is not late `[s]`.
+    pub(super) lag: f64,
     /// The newest measurement.
     pub(super) measured: &'a ActuatorMeasurement,
     /// The one before, and the time between the arrivals of the two `[s]`.
@@ -70,6 +72,8 @@ pub(super) struct Seen<'a> {
     /// A position that stays one code for longer is frozen `[s]`.
     pub(super) dwell: f64,
     pub(super) mode: Mode,
+    /// Speed by which strokes of own loops in its mechanism may hide the mean one.
+    pub(super) ripple: f64,
     /// It follows commands: neither late ones, nor a stop.
     pub(super) is_following: bool,
 }

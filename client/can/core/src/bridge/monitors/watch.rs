@@ -2,7 +2,7 @@
 
 use sarrus_proto::actuators::{Reason, flag};
 
-use super::{Monitors, Seen, effort_of, jump, noise, velocity};
+use super::{Monitors, Seen, effort, effort_of, jump, noise, velocity};
 use crate::bridge::motor::Motor;
 use crate::bridge::rest::Rest;
 use crate::bridge::whereabouts::Allowed;
@@ -17,6 +17,7 @@ impl Bridge {
         let period = self.configuration.period_ns() as f64 * 1e-9;
         let feedback_ns = self.configuration.feedback_ns();
         let clocks = velocity::clocks(period, self.uneven_ns as f64 * 1e-9);
+        let lag = effort::lag(period, clocks);
         for i in 0..self.motors.len() {
             let Some(motor) = self.motors.get_mut(i) else { continue };
             let number = motor.mechanism;
@@ -35,7 +36,7 @@ impl Bridge {
             }
             let bus = self.buses.get(motor.config.bus).map_or(BusState::Active, |bus| bus.state);
             let found = motor
-                .doubt(period, clocks, mechanism.is_following())
+                .doubt([period, clocks, lag], mechanism.is_following())
                 .or_else(|| motor.monitors.check_bus(now_ns, bus));
             if let Some(reason) = found {
                 self.fail_mechanism(number, reason);
@@ -47,7 +48,7 @@ impl Bridge {
 impl Motor {
     /// The reason to doubt the newest measurement, if it is new. The rules see the newest one of
     /// each cycle.
-    fn doubt(&mut self, period: f64, clocks: f64, is_following: bool) -> Option<Reason> {
+    fn doubt(&mut self, [period, clocks, lag]: [f64; 3], is_following: bool) -> Option<Reason> {
         if self.measured_ns == self.seen_ns {
             return None;
         }
@@ -60,6 +61,7 @@ impl Motor {
                 steps,
                 period,
                 clocks,
+                lag,
                 measured: &self.measured,
                 before: &self.before,
                 elapsed: measured.saturating_sub(before) as f64 * 1e-9,
@@ -72,6 +74,7 @@ impl Motor {
                 free: &self.free,
                 dwell,
                 mode: self.config.common.mode,
+                ripple: self.ripple,
                 is_following,
             })
         });

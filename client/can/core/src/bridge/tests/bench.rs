@@ -107,8 +107,9 @@ impl Drive for Plain {
     fn replies(&self) -> Vec<Reply> {
         Vec::new()
     }
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 }
+
+crate::state::state!(Plain { state; id, given, watchdog_ms });
 
 /// A shaft with an inertia and a load, turned by a motor of a mode.
 #[derive(Clone, Copy, Debug)]

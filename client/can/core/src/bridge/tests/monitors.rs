@@ -2,7 +2,7 @@
 
 use super::bench::{AT_REST, Bench, OFF};
 use super::*;
-use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of};
+use crate::bridge::monitors::{Monitors, Punctual, Seen, effort_of, lag};
 use crate::config::MonitorBounds;
 use crate::mapping::{ActuatorMeasurement, ActuatorSetpoint};
 
@@ -29,6 +29,11 @@ const NOTHING: ActuatorSetpoint =
 
 impl Line {
     fn new() -> Line {
+        Line::beside(0, Mode::Impedance)
+    }
+
+    /// Where one of the motors has another mode: the second one is of the same mechanism.
+    fn beside(place: usize, mode: Mode) -> Line {
         let limits = Limits {
             lower: -1.0,
             upper: 1.0,
@@ -40,11 +45,12 @@ impl Line {
             for motor in &mut configuration.motors {
                 (motor.limits, motor.monitors) = (limits, MonitorBounds::USUAL);
             }
+            configuration.motors[place].common.mode = mode;
         });
         Line {
             bench,
             limits,
-            mode: Mode::Impedance,
+            mode: if place == 0 { mode } else { Mode::Impedance },
             asked: [NOTHING; 2],
             stiffness: 0.0,
             braking: [50.0, 0.05],
@@ -61,12 +67,14 @@ impl Line {
     }
 
     fn see(&mut self, measured: ActuatorMeasurement) -> Option<Reason> {
-        let Monitors { bounds, steps, rules, .. } = &mut self.bench.bridge.motors[0].monitors;
+        let motor = &mut self.bench.bridge.motors[0];
+        let Monitors { bounds, steps, rules, .. } = &mut motor.monitors;
         let found = rules.check(&Seen {
             bounds,
             steps,
             period: PERIOD,
             clocks: super::super::monitors::clocks(PERIOD, 0.0),
+            lag: lag(PERIOD, super::super::monitors::clocks(PERIOD, 0.0)),
             measured: &measured,
             before: &self.before,
             elapsed: self.elapsed,
@@ -79,6 +87,7 @@ impl Line {
             free: &[1.0, -1.0],
             dwell: self.dwell,
             mode: self.mode,
+            ripple: motor.ripple,
             is_following: true,
         });
         self.before = measured;
@@ -205,6 +214,18 @@ fn an_effort_is_compared_with_what_was_asked_of_late() {
     line.ask(pushes);
     assert_eq!(line.run(2, |i| reported(0.0)(20.0 + i)), None);
     assert_eq!(line.run(20, |i| reported(1.5)(22.0 + i)), None);
+    // and so are quick changes, where the measurement is as old as that
+    for (late, found) in [(6e-3, None), (0.0, Some(Reason::EffortMismatch))] {
+        let mut line = Line::new();
+        line.late = [late; 2];
+        let effort = |i: f64| 1.5 * (0.4 * i).cos();
+        let seen = (0..60).find_map(|i| {
+            let i = f64::from(i);
+            line.asked = [i, i - 1.0].map(|i| ActuatorSetpoint { effort: effort(i), ..NOTHING });
+            line.see(reported(effort(i - 3.0))(i))
+        });
+        assert_eq!(seen, found, "{late}");
+    }
 }
 
 #[test]
@@ -255,19 +276,21 @@ fn a_code_that_stands_still_is_frozen_where_something_else_moves() {
 }
 
 #[test]
-fn a_stroke_of_a_motor_with_its_own_loop_is_no_motion() {
-    for (mode, part, found) in [
-        (Mode::Position, 0.9, None),
-        (Mode::Velocity, -0.9, None),
-        (Mode::Impedance, 0.9, Some(Reason::FeedbackFrozen)),
-        (Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+fn a_stroke_of_a_motor_with_its_own_loop_is_no_motion_of_its_mechanism() {
+    for (place, mode, part, found) in [
+        (0, Mode::Position, 0.9, None),
+        (0, Mode::Velocity, -0.9, None),
+        (1, Mode::Position, 0.9, None),
+        (0, Mode::Impedance, 0.9, Some(Reason::FeedbackFrozen)),
+        (0, Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+        (1, Mode::Position, 1.1, Some(Reason::FeedbackFrozen)),
+        (2, Mode::Position, 0.9, Some(Reason::FeedbackFrozen)),
     ] {
-        let mut line = Line::new();
-        line.mode = mode;
+        let mut line = Line::beside(place, mode);
         let speed = rest::STILL * line.limits.velocity * part;
         line.bench.bridge.motors[0].monitors.steps.velocity = 1e-3;
         let moving = |_| ActuatorMeasurement { velocity: speed, ..STILL };
-        assert_eq!(reason(line.run(999, moving)), found, "{mode:?} {part}");
+        assert_eq!(reason(line.run(999, moving)), found, "{place} {mode:?} {part}");
     }
 }
 

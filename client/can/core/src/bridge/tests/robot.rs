@@ -75,8 +75,9 @@ impl Drive for Direct {
     fn replies(&self) -> Vec<Reply> {
         Vec::new()
     }
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 }
+
+crate::state::state!(Direct { power; id, shaft });
 
 /// The robot.
 struct Plant {

@@ -17,7 +17,7 @@ use crate::protocol::number::{limited, steps, steps_toward_zero};
 use crate::protocol::power_up::{Action, PowerUp, Stage};
 use crate::protocol::turns::Unwrapped;
 use crate::protocol::{Common, Made, Settings, fault};
-use crate::state::{self, Words, state};
+use crate::state::state;
 
 const SYNC: u16 = 0x080;
 /// A drive that is set up and silent for this time is set up again `[ns]`.
@@ -199,10 +199,6 @@ impl Cia402 {
 }
 
 impl Drive for Cia402 {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        state::State::carry(self, words);
-    }
-
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.beat(now_ns, out);
         let is_ready = self.setup.is_done() && self.state.is_some() && self.state().fault == 0;

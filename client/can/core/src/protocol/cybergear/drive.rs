@@ -15,7 +15,7 @@ use crate::protocol::keys::RANGES;
 use crate::protocol::number::single;
 use crate::protocol::power_up::{Action, PowerUp};
 use crate::protocol::{Common, Made, Settings, fault};
-use crate::state::{State, Words, state};
+use crate::state::state;
 
 /// A parameter that is read before the motor gets power, and first written if it has a desired
 /// value.
@@ -202,10 +202,6 @@ impl CyberGear {
 }
 
 impl Drive for CyberGear {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.is_done() && self.power != Power::Unknown && self.state().fault == 0;
         match self.power_up.action(command, is_ready) {

@@ -11,7 +11,7 @@ use crate::frame::{Frame, FrameQueue, Id};
 use crate::protocol::number::limited;
 use crate::protocol::power_up::{Action, PowerUp};
 use crate::protocol::{Common, Made, Settings, fault};
-use crate::state::{State, Words};
+use crate::state::state;
 
 /// A temperature is valid for this time: reports are rare, and it changes slowly `[ns]`.
 const TEMPERATURE_NS: u64 = 10_000_000_000;
@@ -202,10 +202,6 @@ impl Dbc {
 }
 
 impl Drive for Dbc {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         self.silent = self.is_silent(now_ns);
         let is_ready = self.place.is_finite()
@@ -342,46 +338,10 @@ impl Drive for Dbc {
         }
         replies
     }
-
-    /// Nothing: a DBC file does not name the request that a motor answers.
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 }
 
-impl State for Dbc {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        let Dbc {
-            torque_limit: _,
-            sent: _,
-            enable: _,
-            units: _,
-            position,
-            velocity,
-            torque,
-            temperature,
-            fault,
-            enabled,
-            enabled_value: _,
-            counter,
-            count,
-            counts_on,
-            stale_ns: _,
-            silent,
-            place,
-            code,
-            not_finite,
-            power,
-            power_up,
-        } = self;
-        position.carry(words);
-        let reported = [velocity, torque, temperature, fault, enabled, counter];
-        reported.into_iter().flatten().for_each(|reported| reported.carry(words));
-        count.carry(words);
-        counts_on.carry(words);
-        silent.carry(words);
-        place.carry(words);
-        code.carry(words);
-        not_finite.carry(words);
-        power.carry(words);
-        power_up.carry(words);
-    }
-}
+state!(Dbc {
+    position, velocity, torque, temperature, fault, enabled, counter, count, counts_on, silent,
+    place, code, not_finite, power, power_up;
+    torque_limit, sent, enable, units, enabled_value, stale_ns
+});

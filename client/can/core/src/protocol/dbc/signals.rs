@@ -4,7 +4,7 @@
 use super::super::Settings;
 use super::file::{Kind, Message, Multiplexing, Signal};
 use crate::frame::{Frame, Id};
-use crate::state::state;
+use crate::state::{State, Words, state};
 use sarrus_models::Diagnostics;
 
 /// Content of a signal that is sent.
@@ -218,3 +218,10 @@ impl Finder<'_> {
 }
 
 state!(Reported { value, at_ns; named });
+
+/// There is one where the settings name a signal.
+impl State for Option<Reported> {
+    fn carry(&mut self, words: &mut Words<'_>) {
+        self.iter_mut().for_each(|reported| reported.carry(words));
+    }
+}

@@ -38,7 +38,7 @@ use crate::drive::{
     Shared, Watchdog,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use damiao::Registers;
 use robstride::Question;
 use sarrus_models::Diagnostics;
@@ -202,10 +202,6 @@ impl Mit {
 }
 
 impl Drive for Mit {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         // a motor with power is not assessed again
         let is_ready = self.power_up.stage() != Stage::Off || self.ready();

@@ -39,9 +39,12 @@ use crate::drive::{
     Setpoint, Watchdog,
 };
 use crate::frame::{Frame, FrameKind, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use sarrus_models::Diagnostics;
-use subframes::{EMPTY, OUTPUT_EXACT, Payload, Register, TEMPERATURE, each_value};
+use subframes::{
+    EMPTY, INT8, INT16, INTEGRATOR_SCALE, MODE, OUTPUT_EXACT, POSITION, Payload, SINGLE,
+    TEMPERATURE, TORQUE, VOLTAGE, WATCHDOG, each_value,
+};
 
 /// moteus.
 pub(super) const MOTEUS: Protocol = Protocol {
@@ -62,12 +65,11 @@ pub(super) const MOTEUS: Protocol = Protocol {
 
 const STOPPED: u8 = 0;
 const FAULT: u8 = 1;
-const POSITION: u8 = 10;
+const FOLLOWS: u8 = 10;
 
-const MODE_REGISTER: u32 = 0x000;
 const FAULT_REGISTER: u32 = 0x00F;
 /// No limit of velocity or acceleration: anything below 0.
-const NO_LIMIT: i8 = -1;
+const NO_LIMIT: u8 = -1_i8 as u8;
 
 const PARAMETERS: &[Parameter] = &[
     Parameter::single(0x00D, "voltage", "V"),
@@ -140,14 +142,14 @@ impl Moteus {
 
     /// Mode, position, velocity, torque; voltage, temperature, fault.
     fn query(payload: Payload) -> Payload {
-        payload.read_f32(Register::Mode, 4).read_i8(Register::Voltage, 3)
+        payload.read(SINGLE, MODE, 4).read(INT8, VOLTAGE, 3)
     }
 
     fn stop(&self) -> Option<Frame> {
         let payload = EMPTY
-            .write_i8(Register::Mode, &[STOPPED as i8])
-            .write_i8(Register::Watchdog, &[self.watchdog_steps as i8])
-            .read_i8(Register::Watchdog, 1);
+            .write(INT8, MODE, &[[STOPPED]])
+            .write(INT8, WATCHDOG, &[[self.watchdog_steps]])
+            .read(INT8, WATCHDOG, 1);
         self.frame(&Moteus::query(payload))
     }
 
@@ -174,20 +176,24 @@ impl Moteus {
         let most =
             if most.is_finite() { most.clamp(0.0, f64::from(WHOLE)) as i16 } else { i16::MIN };
         let scale = |gain: f64| steps_toward_zero(gain, 1.0 / f64::from(WHOLE), WHOLE) as i16;
-        let payload = EMPTY.write_i8(Register::Mode, &[POSITION as i8]);
+        let payload = EMPTY.write(INT8, MODE, &[[FOLLOWS]]);
         let payload = match self.common.mode {
             Mode::Torque | Mode::Velocity => payload,
             Mode::Impedance | Mode::Position => {
                 let motion = [setpoint.position, setpoint.velocity];
-                payload.write_f32(Register::Position, &motion.map(|value| single(value / TAU)))
+                let motion = motion.map(|value| single(value / TAU).to_le_bytes());
+                payload.write(SINGLE, POSITION, &motion)
             }
         };
-        let payload = payload
-            .write_i16(Register::Torque, &[torque, scale(kp), scale(kd), most])
-            .write_i8(Register::Watchdog, &[self.watchdog_steps as i8, NO_LIMIT, NO_LIMIT]);
+        let torques = [torque, scale(kp), scale(kd), most].map(i16::to_le_bytes);
+        let payload = payload.write(INT16, TORQUE, &torques).write(
+            INT8,
+            WATCHDOG,
+            &[[self.watchdog_steps], [NO_LIMIT], [NO_LIMIT]],
+        );
         let payload = match self.common.mode {
             Mode::Position => payload,
-            _ => payload.write_i8(Register::IntegratorScale, &[0]),
+            _ => payload.write(INT8, INTEGRATOR_SCALE, &[[0]]),
         };
         self.frame(&Moteus::query(payload))
     }
@@ -196,10 +202,10 @@ impl Moteus {
     fn take(&mut self, register: u32, value: f64, measured: &mut [f64; 5]) -> Option<Receipt> {
         let small = if value.is_finite() { value as i64 as u8 } else { 0 };
         match register {
-            MODE_REGISTER => self.servo_mode = Some(small),
+            MODE => self.servo_mode = Some(small),
             FAULT_REGISTER => self.code = small,
             TEMPERATURE => measured[4] = value,
-            register if register == Register::Watchdog as u32 => {
+            WATCHDOG => {
                 let ms = value * 1e3;
                 self.watchdog = match value.is_nan() {
                     true => Watchdog::Off,
@@ -220,15 +226,11 @@ impl Moteus {
         if mode == FAULT && self.power_up.is_asked() {
             self.power_up.lose();
         }
-        self.power_up.report(mode == POSITION);
+        self.power_up.report(mode == FOLLOWS);
     }
 }
 
 impl Drive for Moteus {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, _now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         let is_ready = self.servo_mode == Some(STOPPED)
             && self.watchdog != Watchdog::Unknown
@@ -290,7 +292,7 @@ impl Drive for Moteus {
     fn state(&self) -> DriveState {
         let power = match (self.servo_mode, self.power_up.stage()) {
             (None, _) => Power::Unknown,
-            (Some(POSITION), _) => Power::On,
+            (Some(FOLLOWS), _) => Power::On,
             (Some(STOPPED), Stage::Asked(_)) | (Some(2..=4), _) => Power::Starting,
             // after a timeout or a fault the motor may brake: it is off in that it follows nothing
             (Some(_), _) => Power::Off,
@@ -348,7 +350,7 @@ impl Drive for Moteus {
     }
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
-        out.push_some(self.frame(&EMPTY.write_single(OUTPUT_EXACT, 0.0)));
+        out.push_some(self.frame(&EMPTY.write(SINGLE, OUTPUT_EXACT, &[0.0_f32.to_le_bytes()])));
         true
     }
 
@@ -358,7 +360,7 @@ impl Drive for Moteus {
 
     fn read_parameter(&mut self, parameter: usize, out: &mut FrameQueue) {
         let Some(parameter) = PARAMETERS.get(parameter) else { return };
-        out.push_some(self.frame(&EMPTY.read_single(parameter.address)));
+        out.push_some(self.frame(&EMPTY.read(SINGLE, parameter.address, 1)));
     }
 }
 

@@ -11,82 +11,45 @@ pub(super) struct Payload {
     len: usize,
 }
 
-/// Registers that are written, and the first of each group that is read together.
-#[derive(Clone, Copy)]
-#[repr(u8)]
-pub(super) enum Register {
-    /// Then position, velocity, torque.
-    Mode = 0x00,
-    /// Then temperature, fault.
-    Voltage = 0x0D,
-    /// The desired one; then velocity.
-    Position = 0x20,
-    /// The desired one; then scales of stiffness and damping, largest torque.
-    Torque = 0x22,
-    /// Then limits of velocity and acceleration.
-    Watchdog = 0x27,
-    IntegratorScale = 0x2B,
-}
-
-/// Register whose value becomes the present position.
+/// Registers that are written, and the first of each group that is read together: the mode, then
+/// position, velocity and torque.
+pub(super) const MODE: u32 = 0x000;
+/// Then temperature, fault.
+pub(super) const VOLTAGE: u32 = 0x00D;
+/// The desired position; then velocity.
+pub(super) const POSITION: u32 = 0x020;
+/// The desired torque; then scales of stiffness and damping, largest torque.
+pub(super) const TORQUE: u32 = 0x022;
+/// Then limits of velocity and acceleration.
+pub(super) const WATCHDOG: u32 = 0x027;
+pub(super) const INTEGRATOR_SCALE: u32 = 0x02B;
+/// Its value becomes the present position.
 pub(super) const OUTPUT_EXACT: u32 = 0x131;
 
-const WRITE: u8 = 0x00;
 const READ: u8 = 0x10;
-const INT8: u8 = 0x00;
-const INT16: u8 = 0x04;
-const SINGLE: u8 = 0x0C;
+/// Types of values.
+pub(super) const INT8: u8 = 0x00;
+pub(super) const INT16: u8 = 0x04;
+pub(super) const SINGLE: u8 = 0x0C;
 
 impl Payload {
-    /// Writes registers from `first` on as int8.
-    pub(super) fn write_i8(self, first: Register, values: &[i8]) -> Payload {
-        let bytes = |payload: Payload, value: &i8| payload.add(&value.to_le_bytes());
-        values.iter().fold(self.head(WRITE | INT8, first, values.len()), bytes)
+    /// Writes registers from `first` on, with the bytes of each value.
+    pub(super) fn write<const N: usize>(self, kind: u8, first: u32, values: &[[u8; N]]) -> Payload {
+        self.head(kind, first, values.len()).add(values.as_flattened())
     }
 
-    /// Writes registers from `first` on as int16.
-    pub(super) fn write_i16(self, first: Register, values: &[i16]) -> Payload {
-        let bytes = |payload: Payload, value: &i16| payload.add(&value.to_le_bytes());
-        values.iter().fold(self.head(WRITE | INT16, first, values.len()), bytes)
+    /// Reads registers from `first` on.
+    pub(super) fn read(self, kind: u8, first: u32, count: usize) -> Payload {
+        self.head(READ | kind, first, count)
     }
 
-    /// Writes registers from `first` on as singles.
-    pub(super) fn write_f32(self, first: Register, values: &[f32]) -> Payload {
-        let bytes = |payload: Payload, value: &f32| payload.add(&value.to_le_bytes());
-        values.iter().fold(self.head(WRITE | SINGLE, first, values.len()), bytes)
-    }
-
-    /// Reads registers from `first` on as int8.
-    pub(super) fn read_i8(self, first: Register, count: usize) -> Payload {
-        self.head(READ | INT8, first, count)
-    }
-
-    /// Reads registers from `first` on as singles.
-    pub(super) fn read_f32(self, first: Register, count: usize) -> Payload {
-        self.head(READ | SINGLE, first, count)
-    }
-
-    /// The head of a sub-frame; a count beyond three has a byte of its own.
-    fn head(self, kind: u8, first: Register, count: usize) -> Payload {
+    /// The head of a sub-frame: a count beyond three has a byte of its own, and a register at most
+    /// two with seven bits in each.
+    fn head(self, kind: u8, first: u32, count: usize) -> Payload {
         let count = count as u8;
         let payload = if count <= 3 { self.add(&[kind | count]) } else { self.add(&[kind, count]) };
-        payload.add(&[first as u8])
-    }
-
-    /// Writes a single to any register.
-    pub(super) fn write_single(self, register: u32, value: f32) -> Payload {
-        self.add(&[WRITE | SINGLE | 1]).varuint(register).add(&value.to_le_bytes())
-    }
-
-    /// Reads any register as a single.
-    pub(super) fn read_single(self, register: u32) -> Payload {
-        self.add(&[READ | SINGLE | 1]).varuint(register)
-    }
-
-    /// A register of two bytes at most, seven bits in each.
-    fn varuint(self, register: u32) -> Payload {
-        let [low, high] = [(register & 0x7F) as u8, (register >> 7) as u8];
-        if high == 0 { self.add(&[low]) } else { self.add(&[low | 0x80, high]) }
+        let [low, high] = [(first & 0x7F) as u8, (first >> 7) as u8];
+        if high == 0 { payload.add(&[low]) } else { payload.add(&[low | 0x80, high]) }
     }
 
     fn add(mut self, bytes: &[u8]) -> Payload {

@@ -36,7 +36,7 @@ use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Power, Receipt, Reply, Setpoint,
 };
 use crate::frame::{Frame, FrameQueue, Id};
-use crate::state::{State, Words, state};
+use crate::state::state;
 use echo::Echo;
 use sarrus_models::Diagnostics;
 use setup::Setup;
@@ -254,10 +254,6 @@ fn pair(frame: &Frame) -> Option<(f64, f64)> {
 }
 
 impl Drive for ODrive {
-    fn carry(&mut self, words: &mut Words<'_>) {
-        State::carry(self, words);
-    }
-
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         if self.axis_state.is_some() && now_ns.saturating_sub(self.heard_ns) > HEARTBEAT_LOST_NS {
             // measurements alone do not show whether it has power, or errors
@@ -386,9 +382,6 @@ impl Drive for ODrive {
         let torques = self.torque_feedback.then(|| reply(TORQUES));
         [reply(ESTIMATES)].into_iter().chain(torques).collect()
     }
-
-    /// Nothing: heartbeats come by themselves, every 100 ms as an ODrive is delivered.
-    fn probe(&mut self, _out: &mut FrameQueue) {}
 
     fn set_zero(&mut self, out: &mut FrameQueue) -> bool {
         out.push_some(self.frame(POSITION_IS, &[0; 4]));

@@ -61,10 +61,10 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
     ("150 °C", |run| found_of(run, |shaft, _| shaft.temperature = 150.0)),
     ("blocked", |run| {
         let begin_ns = run.world.now_ns;
-        run.behind = [0.0; 2];
+        run.behind = [0.0; 3];
         let mut outcome = found_of(run, |shaft, _| shaft.is_blocked = true);
         // it shows in a motion that leaves it behind
-        while matches!(outcome, Some(Err(_))) && run.behind[1] < 1.2 * FOLLOWING_S {
+        while matches!(outcome, Some(Err(_))) && run.behind[2] < 1.2 * FOLLOWING_S {
             if run.world.now_ns > begin_ns + 100_000 * MS {
                 return None;
             }
@@ -143,7 +143,7 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         let by = run.chance.within(0.2, 3.0) * if run.chance.bits() % 2 == 0 { 1.0 } else { -1.0 };
         run.world.shafts[0].encoder = Encoder::Off(by);
         run.pause(|_| ());
-        Some(refused(run.is_refused(1.0, |_| ()), &[Reason::PositionChanged]))
+        Some(run.is_refused(1.0, &[Reason::PositionChanged], |_| ()))
     }),
     ("armed in motion", |run| {
         if run.world.robot.is_some() {
@@ -160,8 +160,7 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
             shaft.velocity = speed * if shaft.velocity == 0.0 { side } else { way };
         };
         run.pause(&mut turn);
-        let reasons = [Reason::Moving, Reason::PositionChanged];
-        Some(refused(run.is_refused(0.5, turn), &reasons))
+        Some(run.is_refused(0.5, &[Reason::Moving, Reason::PositionChanged], turn))
     }),
     ("old feedback while it is armed", |run| {
         run.disarm();
@@ -171,7 +170,7 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         run.rests = false;
         run.rest_ns = run.world.now_ns;
         // motors that measure without being asked are armed, and stopped once they move
-        if run.is_refused(1.0, |_| ()).is_ok() {
+        if run.is_refused(1.0, &[], |_| ()).is_ok() {
             return Some(Ok(0.0));
         }
         let outcome = run.until(FOUND_S);
@@ -192,14 +191,6 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         })
     }),
 ];
-
-/// Whether arming was refused by one of these reasons, beside others that come and go.
-fn refused(reasons: Result<Vec<Reason>, String>, of: &[Reason]) -> Result<f64, String> {
-    match reasons? {
-        reasons if of.iter().any(|reason| reasons.contains(reason)) => Ok(0.0),
-        reasons => Err(format!("refused by {reasons:?}")),
-    }
-}
 
 /// It holds where it is, with its set-points at rest for half a second.
 fn comes_to_rest(run: &mut Run) -> bool {

@@ -15,6 +15,12 @@ fn what_failed_once_fails_no_more() {
         607_376, // a spring too soft for its load
         608_776, // a controller that swings
         603_701, // a pose that is near to a singular one
+        813_226, // a pose of measurements farther apart than the cycles
+        808_851, // the strokes of other motors' own loops seen as a velocity
+        900_936, // blocked, and behind by less than what counts for certain
+        901_251, // a limit passed in a fall before the efforts of arming have grown
+        906_696, // efforts of quick set-points in measurements that came late
+        801_759, 812_592, // set-ups that lost frames make long, before the reason is told
     ] {
         tally.run(seed, &drives);
     }
