@@ -39,7 +39,9 @@ pub(super) const OF_THE_LINKS: [Field; 6] = [
     Field::Energy,
 ];
 /// Derivatives, and those of them that need forces and masses.
-pub(super) const DERIVATIVES: [Field; 13] = [
+pub(super) const DERIVATIVES: [Field; 15] = [
+    Field::D2TauYV,
+    Field::D2YddV,
     Field::DtauYDy,
     Field::DtauYDyd,
     Field::DtauUDy,
@@ -56,7 +58,7 @@ pub(super) const DERIVATIVES: [Field; 13] = [
 ];
 /// Fields of the observer, which reads Ġ.
 pub(super) const OBSERVED: [Field; 2] = [Field::Observer, Field::TauExternal];
-pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
+pub(super) const OF_FORCES: [Field; 11] = *DERIVATIVES.first_chunk().unwrap();
 /// Forces by parameters.
 pub(super) const REGRESSORS: [Field; 2] = [Field::RegressorY, Field::RegressorU];
 /// Derivatives of the actuators' forces.

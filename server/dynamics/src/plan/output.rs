@@ -101,7 +101,8 @@ impl Plan {
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     #[inline(always)]
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
-        let fits = if self.steps.conditions || self.motors.is_some() || self.task.is_some() {
+        let has_rare = self.motors.is_some() || self.task.is_some() || !self.base.is_empty();
+        let fits = if self.steps.conditions || has_rare {
             self.are_finite(output)
         } else {
             all_finite(output)
@@ -114,7 +115,7 @@ impl Plan {
     fn are_finite<T: Real>(&self, output: &[T]) -> bool {
         let may_be_infinite = |field: Field| {
             matches!(field, Field::CondKd | Field::CondGu | Field::CondMy)
-                || matches!(field, Field::TaskResidual | Field::Solutions)
+                || matches!(field, Field::TaskResidual | Field::Solutions | Field::BaseParameters)
                 || field.is_of_motors()
         };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
@@ -260,6 +261,10 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
+            field if field.is_second() => out.fill(T::ZERO),
+            Field::BaseParameters => {
+                out.iter_mut().zip(&self.base).for_each(|(to, x)| *to = T::from_f64(*x));
+            }
             field if (field.is_derivative() || OBSERVED.contains(&field)) && !T::STRAIGHT => {
                 self.write_derivative(model, ws, field, out);
             }

@@ -205,20 +205,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
             }
             out.push(b'}');
         }
-        Field::G
-        | Field::GU
-        | Field::K
-        | Field::MY
-        | Field::ComJacobian
-        | Field::Centroidal
-        | Field::JdYd
-        | Field::ReflectedInertia
-        | Field::ReflectedDamping
-        | Field::Observer
-        | Field::TaskInertia
-        | Field::RegressorY
-        | Field::RegressorU => rows(out, slot.rows, slot.columns, numbers),
-        field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
+        _ if slot.is_matrix() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
 }

@@ -141,8 +141,21 @@ impl Reader<'_> {
                 self.given.push(Given { field: Field::Directions, numbers, offset: key.offset });
             }
             "gains_u" => {
-                let numbers = self.read_gains(value)?;
+                let expected =
+                    "gains_u as an object such as {\"stiffness\": [100], \"damping\": [5]}";
+                let n = self.model.sizes.n_u;
+                let [k, d] =
+                    self.read_parts(value, expected, [("stiffness", n), ("damping", n)])?;
+                let numbers = k.into_iter().zip(d).flat_map(<[f64; 2]>::from).collect();
                 self.given.push(Given { field: Field::GainsU, numbers, offset: key.offset });
+            }
+            "direction" => {
+                let expected =
+                    "direction as an object such as {\"y\": [1], \"yd\": [0], \"tau\": [0]}";
+                let n = self.model.sizes.n_vy;
+                let parts = [("y", n), ("yd", n), ("tau", self.model.sizes.n_u)];
+                let numbers = self.read_parts(value, expected, parts)?.concat();
+                self.given.push(Given { field: Field::Direction, numbers, offset: key.offset });
             }
             "relative_to" => {
                 let expected = "relative_to as the name of a link";
@@ -160,8 +173,8 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, \
-                         want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
+                        "{}, wrenches, directions, gains_u, direction, dt, gain, observer, frames, \
+                         joints, want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
                          friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
                         known.join(", ")
                     );
@@ -313,20 +326,22 @@ impl Reader<'_> {
         Ok(numbers)
     }
 
-    /// Stiffness and damping of each actuator.
-    fn read_gains(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
-        let expected = "gains_u as an object such as {\"stiffness\": [100], \"damping\": [5]}";
-        let n = self.model.sizes.n_u;
-        let mut numbers = vec![0.0; 2 * n];
-        for (key, value) in value.members(2).ok_or_else(|| value.is_no(expected))? {
+    /// Lists of these names and lengths, zeros where one is missing.
+    fn read_parts<const N: usize>(
+        &mut self,
+        value: Value<'_>,
+        expected: &str,
+        parts: [(&str, usize); N],
+    ) -> Result<[Vec<f64>; N], Problem> {
+        let mut lists = parts.map(|(_, n)| vec![0.0; n]);
+        for (key, value) in value.members(N).ok_or_else(|| value.is_no(expected))? {
             let name = key.string().unwrap_or_default();
-            let names = ["stiffness", "damping"];
-            let at = names.iter().position(|known| *known == name);
+            let at = parts.iter().position(|(known, _)| *known == name);
             let at = at.ok_or_else(|| key.is_no(expected))?;
-            let gains = self.numbers(&name, value, n)?;
-            numbers.iter_mut().skip(at).step_by(2).zip(gains).for_each(|(to, gain)| *to = gain);
+            let numbers = self.numbers(&name, value, parts[at].1)?;
+            lists[at].iter_mut().zip(numbers).for_each(|(to, x)| *to = x);
         }
-        Ok(numbers)
+        Ok(lists)
     }
 
     pub(super) fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
