@@ -390,9 +390,16 @@ impl Field {
         self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0
     }
 
-    /// True for derivatives, which are matrices.
+    /// True for derivatives.
     pub const fn is_derivative(self) -> bool {
-        Field::DtauYDy as u8 <= self as u8 && self as u8 <= Field::DjacobianDy as u8
+        let is_other = self as u8 >= Field::Gd as u8 && self as u8 <= Field::DjacobianDy as u8;
+        is_other || self.is_derivative_of_forces()
+    }
+
+    /// True for derivatives that need forces and masses.
+    pub const fn is_derivative_of_forces(self) -> bool {
+        let is_first = self as u8 >= Field::DtauYDy as u8 && (self as u8) < Field::Gd as u8;
+        is_first || self.is_second()
     }
 
     /// True for second derivatives along a direction.

@@ -1,7 +1,7 @@
 //! Sizes of a model, and how fields are packed in flat arrays.
 
 use crate::Field::{self, Multipliers};
-use crate::{FieldSet, ModelInfo, Query, Rows};
+use crate::{FIELDS, FieldSet, ModelInfo, Query, Rows};
 
 /// The sizes of a model that fix the shape of every field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -54,10 +54,9 @@ impl Slot {
     }
 
     /// True for lists of rows, be they of one number.
-    pub const fn is_matrix(&self) -> bool {
-        const TWO: Sizes =
-            Sizes { n_q: 2, n_v: 2, n_qy: 2, n_vy: 2, n_u: 2, n_c: 2, n_branches: 2, n_bodies: 2 };
-        self.columns > 1 || !self.field.is_second() && self.field.shape(&TWO, 1, 1).1 > 1
+    pub fn is_matrix(&self) -> bool {
+        let has_rows = FIELDS[self.field as usize].shape.contains(" × ");
+        self.columns > 1 || has_rows && !self.field.is_second()
     }
 }
 

@@ -74,7 +74,7 @@ pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, 
 pub use model::{Bound, ClosureAtZero, Compiled, Method, Model, Part};
 pub use plan::{
     Base, Batch, BatchWorkspace, CUT_SHORT, ClosedNumbers, MOST_ROWS, NewtonBlock, NewtonCluster,
-    Outline, PackedRows, Plan, PlanScalar, STRAIGHT_FIELDS, base_parameters,
+    Outline, PackedRows, Plan, PlanScalar, STRAIGHT_FIELDS, STRAIGHT_GIVEN, base_parameters,
 };
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{

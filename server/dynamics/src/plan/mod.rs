@@ -26,7 +26,9 @@ mod task;
 mod view;
 
 pub use base::{Base, base_parameters};
-pub use batch::{Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
+pub use batch::{
+    Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS, STRAIGHT_GIVEN,
+};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};

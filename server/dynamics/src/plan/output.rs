@@ -234,18 +234,13 @@ impl Plan {
                     out.copy_from_slice(&self.view(model).twist(frame, &ws.world, &ws.motion))
                 });
             }
-            Field::FrameAcc => {
-                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
+            Field::FrameAcc | Field::JdYd => {
+                let of_twist = slot.field == Field::JdYd;
+                let qdd = if of_twist { &ws.g } else { &ws.qdd };
+                algorithms::rates(model, &self.frame_bodies, &ws.qd, qdd, &mut ws.motion);
                 self.each_frame(model, out, 6, |frame, out| {
                     let view = self.view(model);
-                    out.copy_from_slice(&view.acceleration(frame, &ws.world, &ws.motion))
-                });
-            }
-            Field::JdYd => {
-                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.g, &mut ws.motion);
-                self.each_frame(model, out, 6, |frame, out| {
-                    let view = self.view(model);
-                    out.copy_from_slice(&view.twist_rate(frame, &ws.world, &ws.motion))
+                    out.copy_from_slice(&view.acceleration(frame, &ws.world, &ws.motion, of_twist))
                 });
             }
             field if OF_THE_LINKS.contains(&field) => {

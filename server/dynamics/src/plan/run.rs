@@ -90,12 +90,10 @@ impl PlanScalar for f64 {
             return plan.run_tasks(tasks, model, workspace, input, output);
         }
         let answer = plan.execute::<_, false>(model, workspace, input, output);
-        match &plan.first {
-            Some(first) if answer.status == Status::Ok => {
-                plan.add_second(first, workspace, input, output, answer)
-            }
-            _ => answer,
+        if plan.first.is_some() && answer.status == Status::Ok {
+            return plan.add_second(workspace, input, output, answer);
         }
+        answer
     }
 }
 

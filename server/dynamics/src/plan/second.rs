@@ -40,16 +40,14 @@ impl Plan {
     #[inline(never)]
     pub(super) fn add_second(
         &self,
-        first: &Plan,
         ws: &mut Workspace<f64>,
         input: &[f64],
         output: &mut [f64],
         answer: Answer,
     ) -> Answer {
         let mut status = Status::WrongSize;
-        if let Some(mut probe) = ws.probe.take() {
-            status = self.differences(first, &mut probe, &ws.q, input, output);
-            ws.probe = Some(probe);
+        if let (Some(first), Some(probe)) = (&self.first, &mut ws.probe) {
+            status = self.differences(first, probe, &ws.q, input, output);
         }
         if status == Status::Ok {
             return answer;
