@@ -73,6 +73,9 @@ impl Plan {
         }
         let largest = direction.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         let step = STEP / if largest > 0.0 { largest } else { 1.0 };
+        if !step.is_normal() {
+            return Status::NonFiniteInput;
+        }
         for (at, step) in [(0, step), (len, -step)] {
             for slot in first.given.slots() {
                 let along = match slot.field {
