@@ -248,13 +248,13 @@ fn second_derivatives_in_double_keep_twelve_digits_or_warn() {
         let exact = case.state::<Dd>(k);
         let tau =
             at.ask(Request::InverseDynamics, (&state, None), None, &[TauU]).get(TauU).to_vec();
+        let x = at.ask(Request::Kinematics, (&state, None), None, &[Q]);
         let mut seeded = Seeded::new(case.seed ^ 0x2d);
         at.direction = (0..2 * n + tau.len()).map(|_| seeded.within(-1.0, 1.0)).collect();
         let v: Vec<Dd> = at.direction.iter().map(|x| Dd::from(*x)).collect();
         let displaced = displaced(case, &exact, [&v[..n], &v[n..2 * n]]);
         let pushed: Vec<Dual<Dd>> =
             tau.iter().zip(&v[2 * n..]).map(|(x, d)| Dual::new(Dd::from(*x), *d)).collect();
-        let x = at.ask(Request::Kinematics, (&state, None), None, &[Q]);
         let mut q: Vec<Dual<Dd>> = x.get(Q).iter().map(|x| Dual::constant(Dd::from(*x))).collect();
         for _ in 0..3 {
             let near = (&displaced, Some(q.as_slice()));

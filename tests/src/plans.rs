@@ -22,8 +22,12 @@ pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
             } else {
                 base
             };
+            // seconds for hundreds of parameters
+            let is_quick =
+                |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 150;
             let single: Vec<Plan> = Field::ALL
                 .iter()
+                .filter(is_quick)
                 .filter_map(|field| with(model, base, FieldSet::of(&[*field])))
                 .collect();
             let all = single
