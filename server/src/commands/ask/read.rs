@@ -137,8 +137,8 @@ impl Reader<'_> {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
                         "{}, wrenches, directions, gains_u, direction, dt, gain, observer, frames, \
-                         joints, want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
-                         friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
+                         joints, want, loop_tolerance, projection_tolerance, axes, relative_to, \
+                         search, friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
