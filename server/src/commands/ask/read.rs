@@ -136,9 +136,10 @@ impl Reader<'_> {
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, directions, gains_u, direction, dt, gain, observer, frames, \
-                         joints, want, loop_tolerance, projection_tolerance, axes, relative_to, \
-                         search, friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
+                        "{}, wrenches, directions, gains_u, direction, dt, gain, observer, \
+                         frames, joints, want, loop_tolerance, projection_tolerance, axes, \
+                         relative_to, search, friction, deadline_us, tasks, contacts, com, bounds, \
+                         clearance, all",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
