@@ -245,6 +245,20 @@ wire_enum! {
         RegressorY = 98, "regressor_y";
         /// Y_u of τ_u, likewise (n_u × n_parameters).
         RegressorU = 99, "regressor_u";
+        /// Direction of second derivatives: in y, in ẏ, and in τ_u, which inverse dynamics does not
+        /// read (2 n_vy + n_u).
+        Direction = 100, "direction";
+        /// μ, which multiplies the rows of second derivatives (n_vy).
+        Multipliers = 101, "multipliers";
+        /// Derivative of [∂τ_y/∂y ∂τ_y/∂ẏ] along `direction` (n_vy × 2 n_vy), or with
+        /// `multipliers` the vector of μᵀ times it (2 n_vy).
+        D2TauYV = 102, "d2_tau_y_v";
+        /// Derivative of [∂ÿ/∂y ∂ÿ/∂ẏ ∂ÿ/∂τ_u] along `direction` (n_vy × (2 n_vy + n_u)), or with
+        /// `multipliers` the vector of μᵀ times it (2 n_vy + n_u).
+        D2YddV = 103, "d2_ydd_v";
+        /// Combinations of parameters that forces along some motion tell, each in the place of the
+        /// parameter that it replaces, NaN in others; of the model, at no state (n_parameters).
+        BaseParameters = 104, "base_parameters";
     }
 }
 
@@ -343,6 +357,11 @@ impl Field {
             ContactForces => (n_frames, 6),
             RegressorY => (p.n_vy, s.n_parameters()),
             RegressorU => (p.n_u, s.n_parameters()),
+            Direction => (2 * s.n_vy + s.n_u, 1),
+            Multipliers => (s.n_vy, 1),
+            BaseParameters => (s.n_parameters(), 1),
+            D2TauYV => (p.n_vy, 2 * s.n_vy),
+            D2YddV => (p.n_vy, 2 * s.n_vy + s.n_u),
         }
     }
 
@@ -371,9 +390,21 @@ impl Field {
         self.shape_of_rows(&none, &one, 0, 0).0 > self.shape(&none, 0, 0).0
     }
 
-    /// True for derivatives, which are matrices.
+    /// True for derivatives.
     pub const fn is_derivative(self) -> bool {
-        Field::DtauYDy as u8 <= self as u8 && self as u8 <= Field::DjacobianDy as u8
+        let is_other = self as u8 >= Field::Gd as u8 && self as u8 <= Field::DjacobianDy as u8;
+        is_other || self.is_derivative_of_forces()
+    }
+
+    /// True for derivatives that need forces and masses.
+    pub const fn is_derivative_of_forces(self) -> bool {
+        let is_first = self as u8 >= Field::DtauYDy as u8 && (self as u8) < Field::Gd as u8;
+        is_first || self.is_second()
+    }
+
+    /// True for second derivatives along a direction.
+    pub const fn is_second(self) -> bool {
+        matches!(self, Field::D2TauYV | Field::D2YddV)
     }
 
     /// The field of a name, as in scripts.

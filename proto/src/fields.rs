@@ -148,6 +148,13 @@ fields! {
         "moment and force of the ground on each held frame, root axes at its origin; others NaN";
     RegressorY "n_vy × n_parameters" "mixed" "Y_y of τ_y = Y_y π + springs − wrenches";
     RegressorU "n_u × n_parameters" "mixed" "Y_u of τ_u = Y_u π + springs − wrenches";
+    Direction "2 n_vy + n_u" "mixed" "direction v of second derivatives: in y, in ẏ, in τ_u";
+    Multipliers "n_vy" "mixed" "μ of second derivatives";
+    D2TauYV "n_vy × 2 n_vy" "mixed" "derivative of [∂τ_y/∂y ∂τ_y/∂ẏ] along v; with μ, μᵀ times it";
+    D2YddV "n_vy × (2 n_vy + n_u)" "mixed"
+        "derivative of [∂ÿ/∂y ∂ÿ/∂ẏ ∂ÿ/∂τ_u] along v; with μ, μᵀ times it";
+    BaseParameters "n_parameters" "mixed"
+        "base parameters of the model in the places of their own parameters, NaN in others";
 }
 
 #[cfg(test)]
@@ -175,6 +182,7 @@ mod tests {
             "n_vertices" => crate::most_vertices(sizes.n_u, sizes.n_vy),
             "(2" => 2,
             "+" | "1)" => 1,
+            "n_u)" => sizes.n_u,
             "n_q" => sizes.n_q,
             "n_v" => sizes.n_v,
             "n_qy" => sizes.n_qy,

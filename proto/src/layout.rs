@@ -1,6 +1,7 @@
 //! Sizes of a model, and how fields are packed in flat arrays.
 
-use crate::{Field, FieldSet, ModelInfo, Query, Rows};
+use crate::Field::{self, Multipliers};
+use crate::{FIELDS, FieldSet, ModelInfo, Query, Rows};
 
 /// The sizes of a model that fix the shape of every field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -50,6 +51,12 @@ impl Slot {
     /// The number of values in this slot.
     pub const fn range(&self) -> core::ops::Range<usize> {
         self.offset..self.offset + self.rows * self.columns
+    }
+
+    /// True for lists of rows, be they of one number.
+    pub fn is_matrix(&self) -> bool {
+        let has_rows = FIELDS[self.field as usize].shape.contains(" × ");
+        self.columns > 1 || has_rows && !self.field.is_second()
     }
 }
 
@@ -119,7 +126,10 @@ impl Layout {
                 index[field as usize] = k as u8;
                 let (rows, columns) = field.shape_of_rows(sizes, picked, n_frames, n_wrenches);
                 let each = if field.has_direction_rows() { query.n_directions as usize } else { 1 };
-                let rows = rows * each;
+                let [rows, columns] = match field.is_second() && query.given.has(Multipliers) {
+                    true => [columns, 1],
+                    false => [rows * each, columns],
+                };
                 let slot = Slot { field, offset: len, rows, columns };
                 len += rows * columns;
                 slot

@@ -186,6 +186,8 @@ pub enum QueryError {
     Missing(&'static str),
     /// Two given fields exclude each other.
     Conflict(Field, Field),
+    /// States all over the limits, nearly all of which have no answer.
+    NoStates,
 }
 
 impl fmt::Display for QueryError {
@@ -218,6 +220,9 @@ impl fmt::Display for QueryError {
                 write!(f, "`{}` is no output of this request", field.name())
             }
             QueryError::Missing(what) => write!(f, "nothing says {what}"),
+            QueryError::NoStates => f.write_str(
+                "nearly no state within the limits has an answer; give limits in which loops close",
+            ),
             QueryError::Conflict(a, b) => {
                 write!(f, "`{}` and `{}` exclude each other; give one", a.name(), b.name())
             }
@@ -379,6 +384,7 @@ impl Query {
         self.check_given(request)?;
         self.check_tasks(request)?;
         self.check_want(request)?;
+        self.check_second()?;
         self.check_motors(model)?;
         Ok(request)
     }
@@ -509,6 +515,21 @@ impl Query {
                 || self.want.has_any(&OF_ACTUATOR_FORCES))
         {
             return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
+        }
+        Ok(())
+    }
+
+    /// Second derivatives go along a direction of y, ẏ and τ_u.
+    fn check_second(&self) -> Result<(), QueryError> {
+        use Field::*;
+        let of_ydd = self.want.has(D2YddV);
+        if of_ydd || self.want.has(D2TauYV) {
+            if !self.given.has(Direction) {
+                return Err(QueryError::Missing("along what: give direction"));
+            }
+            if self.given.has_any(&[Q, U, Qd, Ud, Qdd, Udd]) || of_ydd && !self.given.has(TauU) {
+                return Err(QueryError::Missing("y, yd, ydd, tau_u: a direction goes along them"));
+            }
         }
         Ok(())
     }

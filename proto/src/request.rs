@@ -97,8 +97,11 @@ impl Request {
             FieldSet::of(&[Y, Q, U, QGuess, Dt, TaskMotion, ComTarget, BoundsY, BoundsU]);
         match self {
             Request::Kinematics => MOTION,
-            Request::InverseDynamics => MOTION.with(Wrenches),
-            Request::ForwardDynamics => VELOCITY.with(Wrenches).with(TauQ).with(TauY).with(TauU),
+            Request::InverseDynamics => MOTION.with(Wrenches).with(Direction).with(Multipliers),
+            Request::ForwardDynamics => {
+                let forces = FieldSet::of(&[Wrenches, TauQ, TauY, TauU, Direction, Multipliers]);
+                FieldSet(VELOCITY.0 | forces.0)
+            }
             Request::Map => MOTION.with(TauQ).with(TauY).with(TauU),
             Request::Observe => FieldSet(STATE.0 | OBSERVED.0),
             Request::InverseKinematics => TARGETS.with(QGuess),
@@ -117,6 +120,7 @@ impl Request {
         const OF_TASKS: FieldSet = FOUND.with(ContactForces).with(TaskMotion);
         const ANSWERS: FieldSet = FieldSet::of(Field::ALL)
             .without(FieldSet::of(&[QGuess, QdGuess, Wrenches, Directions, GainsU]))
+            .without(FieldSet::of(&[Direction, Multipliers]))
             .without(FieldSet::of(&[Dt, Gain, Observer, TauExternal]))
             .without(Request::TARGETS)
             .without(OF_TASKS);
@@ -143,8 +147,10 @@ impl Request {
             DtauUnactuatedDyd,
             RegressorY,
             RegressorU,
+            D2TauYV,
+            BaseParameters,
         ]);
-        const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU]);
+        const OF_ACCELERATIONS: FieldSet = FieldSet::of(&[DyddDy, DyddDyd, DyddDtauU, D2YddV]);
         const LIMITED: FieldSet = FieldSet::of(&OF_ACTUATOR_FORCES);
         const INVERSE: FieldSet = ANSWERS.without(OF_ACCELERATIONS);
         const STATE: FieldSet =

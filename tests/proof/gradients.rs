@@ -1,11 +1,13 @@
 //! Fields of derivatives against duals over double-double along random directions, against each
 //! other, and against a published linkage in fifty digits.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use sarrus_dynamics::description::{Inertial, SubmechanismKind};
 use sarrus_dynamics::scalar::{Dd, Dual, Real};
 use sarrus_dynamics::{
     Axes, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, PlanScalar, Query, Request,
-    Warnings,
+    Status, Warnings,
 };
 use sarrus_tests::cases::{Case, Ledger, State, robots};
 use sarrus_tests::compare::{assert_close, error_by_size, largest};
@@ -29,6 +31,8 @@ struct Asked<S: PlanScalar> {
     links: Vec<u16>,
     axes: (Axes, Option<u16>),
     wrenches: Vec<f64>,
+    /// Of second derivatives, where some are asked for.
+    direction: Vec<f64>,
 }
 
 impl<S: PlanScalar> Asked<S> {
@@ -54,6 +58,10 @@ impl<S: PlanScalar> Asked<S> {
             base = base.with_wrenches(&self.links[..self.links.len().min(2)]);
             given.push((Wrenches, &wrenches));
         }
+        let direction: Vec<S> = self.direction.iter().map(|x| S::from_f64(*x)).collect();
+        if !direction.is_empty() {
+            given.push((Direction, &direction));
+        }
         given.extend(force);
         given.extend(q.map(|q| (QGuess, q)));
         self.robot.ask_for(base, &given).ok()
@@ -74,7 +82,7 @@ fn asked<S: PlanScalar>(case: &Case, model: Model<S>, k: u64) -> Asked<S> {
         2 => (Axes::Local, Some(of(3))),
         _ => (Axes::World, Some(of(3))),
     };
-    Asked { robot: Robot::new(model), links, axes, wrenches }
+    Asked { robot: Robot::new(model), links, axes, wrenches, direction: Vec::new() }
 }
 
 /// The state, displaced by a direction of y and one of ẏ.
@@ -224,6 +232,119 @@ fn derivatives_in_double_keep_twelve_digits_or_warn() {
             }
         }
     });
+}
+
+/// Against duals over double-double of the first ones along the same direction.
+#[test]
+fn second_derivatives_in_double_keep_twelve_digits_or_warn() {
+    let answered = AtomicUsize::new(0);
+    Ledger::over(robots(), |case, ledger| {
+        let plain = &case.compiled.model;
+        let n = plain.sizes().n_vy;
+        let k = 2 + case.seed % 2;
+        let mut at = asked(case, plain.clone(), 0);
+        let mut over_duals = asked(case, model(&case.compiled.exact), 0);
+        let state = case.state::<f64>(k);
+        let exact = case.state::<Dd>(k);
+        let tau =
+            at.ask(Request::InverseDynamics, (&state, None), None, &[TauU]).get(TauU).to_vec();
+        let x = at.ask(Request::Kinematics, (&state, None), None, &[Q]);
+        let mut seeded = Seeded::new(case.seed ^ 0x2d);
+        at.direction = (0..2 * n + tau.len()).map(|_| seeded.within(-1.0, 1.0)).collect();
+        let v: Vec<Dd> = at.direction.iter().map(|x| Dd::from(*x)).collect();
+        let displaced = displaced(case, &exact, [&v[..n], &v[n..2 * n]]);
+        let pushed: Vec<Dual<Dd>> =
+            tau.iter().zip(&v[2 * n..]).map(|(x, d)| Dual::new(Dd::from(*x), *d)).collect();
+        let mut q: Vec<Dual<Dd>> = x.get(Q).iter().map(|x| Dual::constant(Dd::from(*x))).collect();
+        for _ in 0..3 {
+            let near = (&displaced, Some(q.as_slice()));
+            q = over_duals.ask(Request::Kinematics, near, None, &[Q]).get(Q).to_vec();
+        }
+        for (request, force, value, second, first) in [
+            (Request::InverseDynamics, false, TauY, D2TauYV, &[DtauYDy, DtauYDyd][..]),
+            (Request::ForwardDynamics, true, Ydd, D2YddV, &OF_ACCELERATIONS),
+        ] {
+            let given = force.then_some((TauU, tau.as_slice()));
+            let x = at.ask(request, (&state, None), given, &[value, second]);
+            if x.answer.warnings.contains(Warnings::ILL_CONDITIONED) {
+                continue;
+            }
+            answered.fetch_add(1, Ordering::Relaxed);
+            let given = force.then_some((TauU, pushed.as_slice()));
+            let wanted = [first, &[value]].concat();
+            let y = over_duals.ask(request, (&displaced, Some(&q)), given, &wanted);
+            let of_value: Vec<f64> = y.get(value).iter().map(|x| x.to_f64()).collect();
+            let of_first = error_by_size(x.get(value), &of_value, 1e-3);
+            let mut b = Vec::new();
+            for row in 0..n {
+                for field in first {
+                    let columns = y.get(*field).len() / n;
+                    let row = &y.get(*field)[row * columns..(row + 1) * columns];
+                    b.extend(row.iter().map(|x| x.du.to_f64()));
+                }
+            }
+            let error = error_by_size(x.get(second), &b, 1e-3);
+            let allowed = f64::max(1e-12, 100.0 * of_first) + case.contradiction();
+            ledger.note(second.name(), case, error, allowed);
+        }
+    });
+    let answered = answered.into_inner();
+    println!("{answered} of {} answers without a warning", 2 * robots().len());
+    assert!(answered > robots().len());
+}
+
+/// A sum over the rows is the sum of the rows; a robot at rest has the numbers of one that is told
+/// to stand; what is missing or no number has a reason.
+#[test]
+fn second_derivatives_come_as_matrix_or_with_multipliers() {
+    let case = Case::bundled("torso");
+    let mut robot = Robot::new(case.compiled.model.clone());
+    let state = case.state::<f64>(1);
+    let n = state.yd.len();
+    let still = vec![0.0; n];
+    let v: Vec<f64> = (0..3 * n).map(|k| (k as f64).cos()).collect();
+    let mu: Vec<f64> = (0..n).map(|k| 1.0 + k as f64).collect();
+    let given: [(Field, &[f64]); 3] = [(Y, &state.y), (Direction, &v), (Multipliers, &mu)];
+    for (request, field, tau) in [
+        (Request::InverseDynamics, D2TauYV, None),
+        (Request::ForwardDynamics, D2YddV, Some((TauU, still.as_slice()))),
+    ] {
+        let given: Vec<(Field, &[f64])> = given.into_iter().chain(tau).collect();
+        let without: Vec<(Field, &[f64])> =
+            given.iter().copied().filter(|(field, _)| *field != Multipliers).collect();
+        let sum = robot.ask(request, &given, &[field]).ok();
+        let whole = robot.ask(request, &without, &[field, Q]).ok();
+        let columns = sum.get(field).len();
+        assert_eq!(whole.get(field).len(), n * columns);
+        let back: Vec<f64> = (0..columns)
+            .map(|c| (0..n).map(|r| mu[r] * whole.get(field)[r * columns + c]).sum())
+            .collect();
+        assert_close(field.name(), sum.get(field), &back, 1e-3, 1e-14);
+        let stands: Vec<(Field, &[f64])> =
+            without.iter().copied().chain([(Yd, still.as_slice())]).collect();
+        let stands = robot.ask(request, &stands, &[field]).ok();
+        assert_eq!(stands.get(field), whole.get(field));
+        let nan = vec![f64::NAN; 3 * n];
+        let spoilt: Vec<(Field, &[f64])> = without
+            .iter()
+            .map(|(field, x)| (*field, if *field == Direction { nan.as_slice() } else { *x }))
+            .collect();
+        let spoilt = robot.ask(request, &spoilt, &[field]);
+        assert_eq!(spoilt.answer.status, Status::NonFiniteInput);
+        assert!(spoilt.get(field).iter().all(|x| x.is_nan()));
+        let info = case.compiled.model.info();
+        let missing = [
+            FieldSet::of(&[Y, TauU]),
+            FieldSet::of(&[Q, Direction, TauU]),
+            FieldSet::of(&[Y, Direction, TauY]),
+        ];
+        for given in missing {
+            let given = given.iter().filter(|field| *field < TauQ || tau.is_some()).collect();
+            let query = Query::new(request, given, FieldSet::of(&[field]));
+            let is_fine = tau.is_none() && given.has(Y) && given.has(Direction);
+            assert_eq!(query.check(info).is_ok(), is_fine, "{query:?}");
+        }
+    }
 }
 
 /// M ∂ÿ/∂y = −∂τ_y/∂y and M ∂ÿ/∂ẏ = −∂τ_y/∂ẏ at fixed τ_y; M ∂ÿ/∂τ_u = G_uᵀ.

@@ -32,7 +32,7 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
             &numbers[at..at + whole.columns]
         };
         let picked: Vec<usize> = match slot.field {
-            field if !field.has_joint_rows() => {
+            field if !field.has_joint_rows() || !slot.is_matrix() && field.is_second() => {
                 let of_frames = slot.rows != whole.rows || field >= Field::FramePose;
                 let per_frame = match field {
                     Field::FramePose | Field::FrameTwist | Field::FrameAcc | Field::JdYd => 1,

@@ -44,7 +44,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 100] = [
+    const NAMES: [&str; 105] = [
         "y",
         "yd",
         "ydd",
@@ -145,6 +145,11 @@ fn fields_keep_their_numbers_and_names() {
         "contact_forces",
         "regressor_y",
         "regressor_u",
+        "direction",
+        "multipliers",
+        "d2_tau_y_v",
+        "d2_ydd_v",
+        "base_parameters",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {

@@ -22,8 +22,12 @@ pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
             } else {
                 base
             };
+            // seconds for hundreds of parameters
+            let is_quick =
+                |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 150;
             let single: Vec<Plan> = Field::ALL
                 .iter()
+                .filter(is_quick)
                 .filter_map(|field| with(model, base, FieldSet::of(&[*field])))
                 .collect();
             let all = single
@@ -38,7 +42,7 @@ pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
     plans
 }
 
-fn with<T>(model: &Model<T>, mut query: Query, want: FieldSet) -> Option<Plan> {
+fn with<T: Real>(model: &Model<T>, mut query: Query, want: FieldSet) -> Option<Plan> {
     query.want = want;
     Plan::new(model, &query).ok()
 }
@@ -62,6 +66,7 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
             .iter()
             .cloned()
             .chain(motions.iter().map(|of| of.iter().copied().chain([Wrenches]).collect()))
+            .chain([vec![Y, Yd, Ydd, Wrenches, Direction], vec![Y, Direction, Multipliers]])
             .collect(),
         Request::ForwardDynamics => vec![
             vec![Y, Yd, TauU],
@@ -70,6 +75,8 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
             vec![U, Ud, TauU],
             vec![Y, TauU],
             vec![Y, Yd, QGuess, TauU, Wrenches],
+            vec![Y, TauU, Direction],
+            vec![Y, Yd, TauU, Direction, Multipliers],
         ],
         Request::Map => {
             motions.into_iter().chain([vec![Y, TauU], vec![Y, TauY], vec![Y, TauQ]]).collect()
@@ -100,7 +107,9 @@ pub fn input<T: PlanScalar>(
         match slot.field {
             QGuess => to.copy_from_slice(known.get(Q)),
             QdGuess => to.copy_from_slice(known.get(Qd)),
-            Dt | Gain => to.fill_with(|| T::from_f64(seeded.within(0.0, 1.0))),
+            Dt | Gain | Direction | Multipliers => {
+                to.fill_with(|| T::from_f64(seeded.within(0.0, 1.0)))
+            }
             TauQ | TauY | TauU | Wrenches | Observer => {
                 to.fill_with(|| T::from_f64(seeded.within(-1.0, 1.0) * case.scale.powi(4) * 100.0))
             }

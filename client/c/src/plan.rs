@@ -159,13 +159,13 @@ pub(crate) fn handle(robot: &Robot, id: PlanId) -> Result<Plan, Failure> {
 ///
 /// # Safety
 /// It is NULL or as [`arrays`] needs a single number.
-unsafe fn tolerance(name: &'static str, bound: *const f64) -> Result<Option<f64>, Failure> {
+unsafe fn tolerance(name: &'static str, bound: *const f64, usual: f64) -> Result<f64, Failure> {
     if bound.is_null() {
-        return Ok(None);
+        return Ok(usual);
     }
     // SAFETY: this function's own condition.
     let ([numbers], []) = unsafe { arrays([(name, bound, 1)], [])? };
-    Ok(numbers.first().copied())
+    Ok(numbers.first().copied().unwrap_or(usual))
 }
 
 /// Prepares a query; equal queries of a robot share one plan. Allocates. All names that stand for
@@ -212,7 +212,7 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
         let options = query_options(query.options)?;
         let axes = sarrus_client::Axes::from_code(query.axes)
             .ok_or(Failure::Number("axes", query.axes))?;
-        builder = builder.axes(axes);
+        builder = builder.axes(axes).options(options);
         if query.n_directions > 0 {
             builder = builder.directions(query.n_directions as usize);
         }
@@ -221,31 +221,15 @@ pub unsafe extern "C" fn sarrus_robot_prepare(
             let link = unsafe { texts("relative_to", &query.relative_to, 1)? };
             builder = link.iter().fold(builder, |builder, link| builder.relative_to(link));
         }
-        if options.contains(sarrus_client::QueryOptions::CHECKSUM) {
-            builder = builder.checksum();
-        }
-        if options.contains(sarrus_client::QueryOptions::TIMES) {
-            builder = builder.times();
-        }
-        if options.contains(sarrus_client::QueryOptions::FRICTION) {
-            builder = builder.friction();
-        }
-        if options.contains(sarrus_client::QueryOptions::SEARCH) {
-            builder = builder.search();
-        }
         // SAFETY: by the header each bound is NULL or points to a number.
         let (loops, projection) = unsafe {
+            let usual = builder.query().loop_tolerance.bound();
             (
-                tolerance("loop_tolerance", query.loop_tolerance)?,
-                tolerance("projection_tolerance", query.projection_tolerance)?,
+                tolerance("loop_tolerance", query.loop_tolerance, usual)?,
+                tolerance("projection_tolerance", query.projection_tolerance, usual)?,
             )
         };
-        if let Some(bound) = loops {
-            builder = builder.loop_tolerance(bound);
-        }
-        if let Some(bound) = projection {
-            builder = builder.projection_tolerance(bound);
-        }
+        builder = builder.loop_tolerance(loops).projection_tolerance(projection);
         let id = builder.prepare()?;
         handle(robot, id)
     })

@@ -97,6 +97,36 @@ class Answers(unittest.TestCase):
         self.assertEqual((x.gains_y.shape, abs(x.binding).sum()), ((2, 5), 1.0))
         self.assertGreater(x.margin, 0.0)
 
+    def test_second_derivatives_come_as_matrix_with_multipliers_and_in_batches(self):
+        robot = sarrus.Robot.bundled("torso")
+        n, v = 2, np.array([0.3, -1.0, 0.5, 0.2, 2.0, 0.0])
+        given, y = ["y", "tau_u", "direction"], np.array([0.1, -0.05])
+        second = robot.query("forward-dynamics", given, ["d2_ydd_v"])
+        x = second(y=y, tau_u=np.ones(n), direction=v).d2_ydd_v
+        self.assertEqual(x.shape, (n, 3 * n))
+        rows = second(y=np.stack([y, y]), tau_u=np.ones((2, n)), direction=np.stack([v, -v]))
+        np.testing.assert_array_equal(rows.d2_ydd_v, [x, -x])
+        summed = robot.query("forward-dynamics", [*given, "multipliers"], ["d2_ydd_v"])
+        mu = np.array([2.0, -3.0])
+        both = summed(y=y, tau_u=np.ones(n), direction=v, multipliers=mu).d2_ydd_v
+        np.testing.assert_allclose(both, mu @ x, rtol=1e-13, atol=1e-12 * abs(x).max())
+        slopes = robot.query("forward-dynamics", ["y", "yd", "tau_u"], ["dydd_dy"])
+        h = 1e-4
+        moved = [
+            slopes(y=y + s * v[:2], yd=s * v[2:4], tau_u=np.ones(n) + s * v[4:]).dydd_dy
+            for s in (h, -h)
+        ]
+        difference = (moved[0] - moved[1]) / (2 * h)
+        np.testing.assert_allclose(x[:, :n], difference, rtol=1e-5, atol=1e-5 * abs(x).max())
+
+    def test_base_parameters_explain_the_forces(self):
+        robot = sarrus.Robot.bundled("lambda")
+        query = robot.query("inverse-dynamics", ["y"], ["base_parameters", "regressor_y", "tau_y"])
+        x = query(y=[0.3])
+        known = ~np.isnan(x.base_parameters)
+        tau_y = x.regressor_y[:, known] @ x.base_parameters[known]
+        np.testing.assert_allclose(tau_y, x.tau_y, rtol=1e-9)
+
     def test_an_observer_finds_a_force_that_nothing_explains(self):
         robot = sarrus.Robot.bundled("ankle")
         given = ["y", "yd", "tau_y", "dt", "gain", "observer"]

@@ -192,6 +192,12 @@ impl<'a> QueryBuilder<'a> {
         self
     }
 
+    /// Adds these options, of which the next four methods add one each.
+    pub fn options(mut self, options: QueryOptions) -> Self {
+        self.query = self.query.with_options(options);
+        self
+    }
+
     /// Adds a checksum to every request and answer: if memory changes in transit, the answer has
     /// the status `corrupt_answer` and NaN for numbers. Costs some tens of nanoseconds; has no
     /// effect in process.

@@ -73,8 +73,8 @@ pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
 pub use model::{Bound, ClosureAtZero, Compiled, Method, Model, Part};
 pub use plan::{
-    Batch, BatchWorkspace, CUT_SHORT, ClosedNumbers, MOST_ROWS, NewtonBlock, NewtonCluster,
-    Outline, PackedRows, Plan, PlanScalar, STRAIGHT_FIELDS,
+    Base, Batch, BatchWorkspace, CUT_SHORT, ClosedNumbers, MOST_ROWS, NewtonBlock, NewtonCluster,
+    Outline, PackedRows, Plan, PlanScalar, STRAIGHT_FIELDS, STRAIGHT_GIVEN, base_parameters,
 };
 pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{

@@ -19,7 +19,13 @@ pub fn thin_svd(A: &Mat<f64>) -> Option<Svd<f64>> {
 
 /// The columns of A in the order in which QR with pivoting takes them.
 pub fn pivots(A: &Mat<f64>) -> Vec<usize> {
-    A.col_piv_qr().P().arrays().0.to_vec()
+    pivoted_qr(A).0
+}
+
+/// The columns of A in the order in which QR with pivoting takes them, and R.
+pub fn pivoted_qr(A: &Mat<f64>) -> (Vec<usize>, Mat<f64>) {
+    let qr = A.col_piv_qr();
+    (qr.P().arrays().0.to_vec(), qr.thin_R().to_owned())
 }
 
 /// A = U S Uᵀ from the lower triangle of A.

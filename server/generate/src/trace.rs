@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::scalar::{DOUBTFUL, Real};
 use sarrus_dynamics::{
-    Field, FieldSet, Method, Model, Plan, QueryOptions, Request, STRAIGHT_FIELDS, Status, Warnings,
+    Method, Model, Plan, QueryOptions, Request, STRAIGHT_FIELDS, STRAIGHT_GIVEN, Status, Warnings,
     Workspace,
 };
 
@@ -23,19 +23,6 @@ const COMPARED: u64 = 256;
 const GOLDEN: usize = 32;
 /// Below the bound on doubt by more than the rounding of the compared number.
 const SURE: f64 = DOUBTFUL * (1.0 - 1e-9);
-
-/// Fields that may be given.
-const GIVEN: FieldSet = FieldSet::of(&[
-    Field::Y,
-    Field::Yd,
-    Field::Ydd,
-    Field::QGuess,
-    Field::QdGuess,
-    Field::TauQ,
-    Field::TauY,
-    Field::TauU,
-    Field::Wrenches,
-]);
 
 impl Kernel {
     /// Traces a plan on the model that it was made for, where most random states go, and compares
@@ -145,7 +132,7 @@ fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
 /// Only fields whose computation is a straight line.
 fn check_fields(plan: &Plan) -> Result<(), GenerateError> {
     let query = plan.query();
-    let other = query.given.iter().find(|field| !GIVEN.has(*field));
+    let other = query.given.iter().find(|field| !STRAIGHT_GIVEN.has(*field));
     let other = other.or(query.want.iter().find(|field| !STRAIGHT_FIELDS.has(*field)));
     if let Some(field) = other {
         return Err(GenerateError::Field(field));

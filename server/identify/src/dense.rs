@@ -1,6 +1,6 @@
 //! Least squares in triangles, row by row.
 
-use sarrus_factorisations::{Mat, thin_svd};
+use sarrus_factorisations::{Mat, pivoted_qr, thin_svd};
 
 /// The triangle R of a QR factorisation of all rows so far (n × n).
 #[derive(Clone, Debug)]
@@ -95,33 +95,9 @@ impl Triangle {
         let n = self.n;
         let norms = self.norms();
         let most = norms.iter().copied().fold(0.0, f64::max);
-        let counts = |j: usize| norms[j] > f64::EPSILON * most;
-        // columns, each by itself, without their parts along those before
-        let column = |j: usize| (0..n).map(|i| self.row(i)[j] / norms[j]).collect::<Vec<f64>>();
-        let mut left: Vec<(usize, Vec<f64>)> =
-            (0..n).filter(|j| counts(*j)).map(|j| (j, column(j))).collect();
-        let mut order = Vec::with_capacity(n);
-        while !left.is_empty() {
-            let length = |x: &[f64]| dot(x, x).sqrt();
-            let longest = (0..left.len())
-                .max_by(|a, b| length(&left[*a].1).total_cmp(&length(&left[*b].1)))
-                .unwrap_or_default();
-            let (j, mut direction) = left.swap_remove(longest);
-            let own = length(&direction);
-            order.push((j, own));
-            if own > 0.0 {
-                direction.iter_mut().for_each(|x| *x /= own);
-                for (_, other) in &mut left {
-                    // twice is enough
-                    for _ in 0..2 {
-                        let along = dot(other, &direction);
-                        other.iter_mut().zip(&direction).for_each(|(x, d)| *x -= along * d);
-                    }
-                }
-            }
-        }
-        order.extend((0..n).filter(|j| !counts(*j)).map(|j| (j, 0.0)));
-        order
+        let scale = |j: usize| if norms[j] > f64::EPSILON * most { 1.0 / norms[j] } else { 0.0 };
+        let (order, R) = pivoted_qr(&Mat::from_fn(n, n, |i, j| self.R[i * n + j] * scale(j)));
+        order.into_iter().enumerate().map(|(k, j)| (j, R[(k, k)].abs())).collect()
     }
 }
 

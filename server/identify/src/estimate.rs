@@ -1,11 +1,10 @@
 //! Estimates from a log.
 
 use sarrus_dynamics::description::{Description, Inertial, JointKind};
-use sarrus_dynamics::{Model, Status};
+use sarrus_dynamics::{Base, Model, Status, base_parameters};
 use serde_json::{Map, Value, json};
 
 use crate::IdentifyError;
-use crate::base::{Base, base_parameters};
 use crate::dense::{Triangle, dot};
 use crate::inertia::{Near, inertial, parameters};
 use crate::log::Log;

@@ -7,17 +7,16 @@
 // the symbols of the equations
 #![allow(non_snake_case)]
 
-mod base;
 mod dense;
 mod estimate;
 mod inertia;
 mod log;
 mod stack;
 
-pub use base::{Base, base_parameters};
 pub use estimate::{BaseEstimate, Estimate, LinkEstimate, Prediction, identify};
 pub use log::{Log, Sample};
 
+pub use sarrus_dynamics::{Base, base_parameters};
 use sarrus_dynamics::{QueryError, Status};
 
 /// Why nothing was estimated.
@@ -27,9 +26,6 @@ pub enum IdentifyError {
     /// The robot answers no query for forces by parameters.
     #[error("{0}")]
     Query(#[from] QueryError),
-    /// Random states of the robot, nearly all of which have no answer.
-    #[error("random states within the limits are {0}; give limits in which the loops close")]
-    Unreachable(Status),
     /// A sample that cannot be.
     #[error("row {row} of the motion is {status}")]
     Sample {

@@ -6,7 +6,7 @@ use sarrus_dynamics::description::{Description, Friction, JointKind, Terms};
 use sarrus_dynamics::{
     Field, FieldSet, Model, Plan, Query, QueryOptions, Request, Status, Workspace,
 };
-use sarrus_identify::{Estimate, Log, Sample, base_parameters, identify};
+use sarrus_identify::{Base, Estimate, Log, Sample, base_parameters, identify};
 use sarrus_models::{Loaded, Options, Source, load};
 
 /// Random numbers.
@@ -109,6 +109,55 @@ fn recorded(
 
 fn bundled(robot: &str) -> Loaded {
     load(&Source::Bundled(robot.into()), &Options::default()).unwrap()
+}
+
+/// Ranks of the inertial parameters alone, from an independent program over Pinocchio.
+#[test]
+fn loops_leave_as_many_base_parameters_as_another_program_finds() {
+    for (robot, rank) in [
+        ("lambda", 8),
+        // its inertia is constant, and gravity has a sine and a cosine
+        ("parallelogram", 3),
+        ("torso", 36),
+        ("ankle", 36),
+        ("r3_lambda_r", 40),
+    ] {
+        let model = bundled(robot).compiled.model;
+        let log = recorded(&model, &[], (400, 0.0), &mut Random(5));
+        let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
+        let want = FieldSet::of(&[Field::RegressorY, Field::BaseParameters]);
+        let query = Query::new(Request::InverseDynamics, given, want);
+        let plan = Plan::new(&model, &query).unwrap();
+        let mut workspace = Workspace::for_plans(&model, [&plan]);
+        let n = model.sizes().n_parameters();
+        let mut output = vec![0.0; plan.want().len()];
+        let mut rows = Vec::new();
+        for Sample { y, yd, ydd, .. } in &log.samples {
+            let input = [&y[..], yd, ydd].concat();
+            plan.run(&model, &mut workspace, &input, &mut output).ok().unwrap();
+            rows.extend_from_slice(&output[..output.len() - n]);
+        }
+        let inertial = 10 * model.sizes().n_bodies;
+        let of_bodies: Vec<f64> =
+            rows.chunks_exact(n).flat_map(|row| row[..inertial].iter().copied()).collect();
+        assert_eq!(Base::of_rows(&of_bodies, inertial).columns.len(), rank, "{robot}");
+        // Y π = Y_c π_base at other states than those of the base
+        let base = base_parameters(&model).unwrap();
+        let parameters: Vec<f64> = (0..n).map(|k| (k as f64).sin()).collect();
+        let values = base.of(&parameters);
+        for row in rows.chunks_exact(n).take(40) {
+            let whole: f64 = row.iter().zip(&parameters).map(|(x, p)| x * p).sum();
+            let reduced: f64 = base.columns.iter().zip(&values).map(|(j, x)| row[*j] * x).sum();
+            let size: f64 = row.iter().zip(&parameters).map(|(x, p)| (x * p).abs()).sum();
+            assert!((whole - reduced).abs() < 1e-9 * size, "{robot}: {whole} {reduced}");
+        }
+        // the field has those of the model
+        let mut field = vec![f64::NAN; n];
+        let of_model = base.of(&model.parameters());
+        base.columns.iter().zip(of_model).for_each(|(j, x)| field[*j] = x);
+        let found = &output[output.len() - n..];
+        assert!(found.iter().zip(&field).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
+    }
 }
 
 /// An estimate, and the true base parameters.

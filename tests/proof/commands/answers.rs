@@ -200,6 +200,36 @@ fn what_the_motors_allow_has_its_shapes_and_names() {
 }
 
 #[test]
+fn second_derivatives_and_base_parameters_have_their_shapes_and_reasons() {
+    let along = r#""y":[0.1,0.2],"direction":{"y":[1,0],"tau":[0,1]}"#;
+    let line = format!(r#"{{{along},"want":["d2_tau_y_v","base_parameters"]}}"#);
+    let answer = one("inverse-dynamics", "torso", &line);
+    assert_eq!(shape(&answer["d2_tau_y_v"]), (2, 4));
+    let base = answer["base_parameters"].as_array().unwrap();
+    let known = base.iter().filter(|x| x.is_number()).count();
+    assert!(known >= 36 && known < base.len(), "{known} of {}", base.len());
+    let line = format!(r#"{{{along},"tau_u":[1,2],"want":["d2_ydd_v"]}}"#);
+    assert_eq!(shape(&one("forward-dynamics", "torso", &line)["d2_ydd_v"]), (2, 6));
+    let line = format!(r#"{{{along},"multipliers":[1,2],"want":["d2_tau_y_v"]}}"#);
+    assert_eq!(numbers(&one("inverse-dynamics", "torso", &line)["d2_tau_y_v"]).len(), 4);
+    for (line, status, word) in [
+        (r#"{"y":[0,0],"want":["d2_tau_y_v"]}"#, "bad_request", "give direction"),
+        (r#"{"y":[0,0],"direction":[1,0],"want":["d2_tau_y_v"]}"#, "bad_request", "an object"),
+        (r#"{"y":[0,0],"direction":{"q":[1]},"want":["d2_tau_y_v"]}"#, "bad_request", "\"tau\""),
+        (r#"{"y":[0,0],"direction":{"y":[1]},"want":["d2_tau_y_v"]}"#, "wrong_size", "expected 2"),
+        (
+            r#"{"u":[0,0],"direction":{"y":[1,0]},"want":["d2_tau_y_v"]}"#,
+            "bad_request",
+            "goes along",
+        ),
+    ] {
+        let answer = ask("inverse-dynamics", "torso", &[line]).json().remove(0);
+        assert_eq!(answer["status"], status, "{line}");
+        assert!(answer["error"].as_str().unwrap().contains(word), "{answer}");
+    }
+}
+
+#[test]
 fn an_observer_goes_from_line_to_line_and_finds_the_force_of_a_robot_that_stands() {
     let hold = one("inverse-dynamics", "torso", r#"{"y":[0.1,0.05],"want":["tau_y"]}"#);
     let tau: Vec<f64> = numbers(&hold["tau_y"]).iter().map(|x| x - 2.0).collect();

@@ -35,8 +35,8 @@ fn every_kind_of_bad_line_has_its_column_and_its_reason() {
             r#"{"yy":[0.1]}"#,
             2,
             "`yy` is no key of a request, expected one of y, yd, ydd, u, ud, udd, q, qd, qdd, \
-             q_guess, qd_guess, tau_u, tau_y, tau_q, y_guess, y_preferred, wrenches, directions, \
-             gains_u, dt, gain, observer, frames, joints, want",
+             q_guess, qd_guess, tau_u, tau_y, tau_q, y_guess, y_preferred, multipliers, wrenches, \
+             directions, gains_u, direction, dt, gain, observer, frames, joints, want",
         ),
         (r#"{"y":[0.1],"G":[1]}"#, 12, "`G` is no key of a request"),
         (r#"{"y":[0.1],"y":[0.2]}"#, 12, "`y` stands here twice"),

@@ -160,12 +160,26 @@ fn through_a_server_the_text_is_the_same() {
             }
         }
         if robot == "torso" {
-            let text = "{\"y\":[0.1,0.2],\"yd\":[1,-1],\"tau_u\":[3,4],\"dt\":0.1,\"gain\":9,\
-                \"observer\":[[1,2,3],[4,5,6]]}\n";
-            let here = run(&["ask", "observe", "--robot", robot], text.as_bytes());
-            let connected = ["ask", "observe", "--connect", "same"];
-            let there = Run::of(&mut place.command(&connected), text.as_bytes());
-            assert_eq!((here.code, &here.out), (Some(0), &there.out));
+            let along = r#""y":[0.1,0.2],"yd":[1,-1],"direction":{"y":[1,2],"yd":[3,4]}"#;
+            let observe = r#"{"y":[0.1,0.2],"yd":[1,-1],"tau_u":[3,4],"dt":0.1,"gain":9,
+                "observer":[[1,2,3],[4,5,6]]}"#;
+            let inverse = format!(r#"{{{along},"want":["tau_u","d2_tau_y_v","base_parameters"]}}"#);
+            let forward = r#""tau_u":[3,4],"multipliers":[5,6],"want":["d2_ydd_v"]"#;
+            let lines = [
+                ("observe", observe.replace('\n', "")),
+                ("inverse-dynamics", inverse),
+                ("forward-dynamics", format!("{{{along},{forward}}}")),
+            ];
+            for (request, line) in lines {
+                let text = (line + "\n").repeat(3);
+                let here = run(&["ask", request, "--robot", robot], text.as_bytes());
+                assert_eq!(here.out.matches("\"status\":\"ok\"").count(), 3, "{}", here.out);
+                for flags in [&["--connect", "same"][..], &["--connect", "same", "--batch", "3"]] {
+                    let command = [&["ask", request][..], flags].concat();
+                    let there = Run::of(&mut place.command(&command), text.as_bytes());
+                    assert_eq!((here.code, &here.out), (Some(0), &there.out));
+                }
+            }
         }
         let top = Run::of(&mut place.command(&["top", "same", "--format", "json"]), b"");
         assert!(top.json()[0]["requests"]["batch"].as_u64().unwrap() > 0, "{}", top.out);

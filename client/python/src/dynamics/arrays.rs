@@ -30,12 +30,7 @@ pub(super) fn shape(slot: &Slot) -> Vec<usize> {
         JacobianTree | JacobianIndependent | JacobianActuator | DjacobianDy => {
             vec![rows / 6, 6, columns]
         }
-        G | GU | K | MY | Limits | FramePose | FrameTwist | FrameAcc | Wrenches | ComJacobian
-        | Centroidal | JdYd | Directions | GainsU | TorqueVertices | TorqueVerticesNet
-        | SpeedVertices | ReflectedInertia | ReflectedDamping | GainsY | Observer | TaskInertia
-        | TaskTarget | BoundsY | BoundsU | Binding | Solutions | TaskMotion | ContactForces
-        | RegressorY | RegressorU => vec![rows, columns],
-        field if field.is_derivative() => vec![rows, columns],
+        _ if slot.is_matrix() => vec![rows, columns],
         _ => vec![rows],
     }
 }

@@ -11,8 +11,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::algorithms::cluster_columns::{component, transform_force};
 use crate::algorithms::frames::accelerate_all;
-use crate::mechanism::{Friction, Motion};
+use crate::mechanism::Friction;
 use crate::model::Model;
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, zero};
@@ -36,18 +37,16 @@ pub(crate) fn tree_regressor<T: Real>(
         let R = &model.frames[link].x_body_frame.R;
         let BodyState { w, alpha, a, .. } = motion[i];
         let seen = [w, alpha, a].map(|x| R.apply_transposed(x.vector()));
-        let mut columns = body_regressor(seen).map(|(n, f)| (R.apply(n), R.apply(f)));
+        let in_body = |x: Vector3<T>| T::Triple::of(&R.apply(x));
+        let mut columns = body_regressor(seen).map(|(n, f)| (in_body(n), in_body(f)));
         let mut at = i;
         while at != 0 {
             let body = &model.bodies[at];
             for k in 0..body.motion.n_v() {
-                each(body.v + k, 10 * block, &columns.map(|wrench| part(body.motion, k, wrench)));
+                let parts = columns.map(|column| component(body.motion, k, &column));
+                each(body.v + k, 10 * block, &parts);
             }
-            let state = &motion[at];
-            for (n, f) in &mut columns {
-                *f = state.R.apply(T::Triple::of(f)).vector();
-                *n = state.R.apply(T::Triple::of(n)).vector().add_cross(state.p.vector(), *f);
-            }
+            columns = columns.map(|column| transform_force(&column, &motion[at]));
             at = body.parent;
         }
     }
@@ -97,16 +96,6 @@ fn body_regressor<T: Real>([w, alpha, a]: [Vector3<T>; 3]) -> [Wrench<T>; 10] {
         inertia(1, 2),
         inertia(2, 2),
     ]
-}
-
-/// The part of a wrench along velocity k of a joint.
-fn part<T: Real>(motion: Motion, k: usize, (n, f): Wrench<T>) -> T {
-    match motion {
-        Motion::Revolute => n[2],
-        Motion::Prismatic => f[2],
-        Motion::Spherical | Motion::Floating if k < 3 => n[k],
-        Motion::Spherical | Motion::Floating => f[k - 3],
-    }
 }
 
 impl<C: Real> Model<C> {

@@ -31,8 +31,8 @@ const ALL: u32 = u32::MAX;
 /// The answer of a row whose turn ended before it was closed.
 pub const CUT_SHORT: Answer = Answer { status: Status::NotConverged, warnings: Warnings::NONE };
 
-/// Fields that a packet of states may give: numbers of each state alone.
-const GIVEN: FieldSet = FieldSet::of(&[
+/// Fields that a packet of states, or a kernel, may give: numbers of each state alone.
+pub const STRAIGHT_GIVEN: FieldSet = FieldSet::of(&[
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -361,7 +361,7 @@ impl Plan {
         let whole = self.request == Request::ForwardDynamics && self.method == Method::Kkt;
         let packed = FUSED
             && !whole
-            && is_only(self.query.given, GIVEN)
+            && is_only(self.query.given, STRAIGHT_GIVEN)
             && is_only(self.query.want, STRAIGHT_FIELDS)
             && (self.closes_apart()
                 || self.needed.scope.closed.iter().all(|c| model.closures[*c].is_closed_form()));

@@ -67,23 +67,7 @@ impl Plan {
             self.doubt_forces(&ws.tau_terms, &ws.C_y, report);
         }
         if self.steps.newton_euler {
-            let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-            if self.steps.rest {
-                let motion = &mut ws.motion;
-                let tau_q = &mut ws.tau_q;
-                algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
-            } else {
-                let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
-                algorithms::newton_euler(
-                    model,
-                    scope,
-                    &tree,
-                    wrench,
-                    &mut ws.motion,
-                    &mut ws.tau_q,
-                );
-                self.friction(model, &ws.qd, &mut ws.tau_q);
-            }
+            self.tree_forces(model, ws, input, (self.steps.rest, false, true));
             ws.tau_terms.fill(T::ZERO);
             to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
@@ -334,11 +318,34 @@ impl Plan {
         Ok(())
     }
 
+    /// Forces on the tree: at rest those of gravity and springs, else with the acceleration g or
+    /// q̈; less the wrenches where they are to be counted.
+    fn tree_forces<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &mut Workspace<T>,
+        input: &[T],
+        (rests, at_bias, with_wrenches): (bool, bool, bool),
+    ) {
+        let scope = &self.needed.scope;
+        let wrench =
+            (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
+        let motion = &mut ws.motion;
+        let tau_q = &mut ws.tau_q;
+        if rests {
+            algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
+        } else {
+            let qdd = if at_bias { &ws.g } else { &ws.qdd };
+            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd };
+            algorithms::newton_euler(model, scope, &tree, wrench, motion, tau_q);
+            self.friction(model, &ws.qd, tau_q);
+        }
+    }
+
     /// C_y = Gᵀ (C + M g) of gravity and springs alone.
     pub(super) fn rest_bias<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
-        let scope = &self.needed.scope;
-        algorithms::rest_forces(model, scope, &ws.q, None, &mut ws.motion, &mut ws.tau_q);
-        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+        self.tree_forces(model, ws, &[], (true, true, false));
+        self.bias_of_tree(model, ws);
     }
 
     /// C_y = Gᵀ (C + M g), with the wrenches on the left-hand side where they are to be counted.
@@ -349,19 +356,12 @@ impl Plan {
         input: &[T],
         with_wrenches: bool,
     ) {
+        self.tree_forces(model, ws, input, (self.steps.bias_at_rest, true, with_wrenches));
+        self.bias_of_tree(model, ws);
+    }
+
+    fn bias_of_tree<T: Real>(&self, model: &Model<T>, ws: &mut Workspace<T>) {
         let scope = &self.needed.scope;
-        let wrench =
-            (with_wrenches && self.wrenches(model, ws, input)).then_some(ws.wrench.as_slice());
-        let motion = &mut ws.motion;
-        let tau_q = &mut ws.tau_q;
-        if self.steps.bias_at_rest {
-            algorithms::rest_forces(model, scope, &ws.q, wrench, motion, tau_q);
-        } else {
-            // q̈ = g
-            let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.g };
-            algorithms::newton_euler(model, scope, &tree, wrench, motion, tau_q);
-            self.friction(model, &ws.qd, tau_q);
-        }
         to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
     }
 
@@ -373,15 +373,13 @@ impl Plan {
         input: &[T],
         report: &mut RunReport<T>,
     ) {
-        let scope = &self.needed.scope;
-        let wrench = self.wrenches(model, ws, input).then_some(ws.wrench.as_slice());
-        algorithms::rest_forces(model, scope, &ws.q, wrench, &mut ws.motion, &mut ws.tau_q);
+        self.tree_forces(model, ws, input, (true, true, true));
         for damper in &model.terms.dampers {
             ws.tau_q[damper.v] = damper.damping.mul_add(ws.qd[damper.v], ws.tau_q[damper.v]);
         }
         self.friction(model, &ws.qd, &mut ws.tau_q);
         ws.tau_terms.fill(T::ZERO);
-        to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.C_y, &mut ws.tau_terms);
+        self.bias_of_tree(model, ws);
         report.doubt.times(self.given_forces(model, ws, input));
         ws.tau_y.iter_mut().zip(&ws.C_y).for_each(|(tau, C)| *tau -= *C);
     }

@@ -1,6 +1,7 @@
 //! A plan: the steps that a query needs on a model, and no others.
 
 mod actuation;
+mod base;
 mod batch;
 mod closed;
 mod derivatives;
@@ -18,12 +19,16 @@ mod output;
 mod regressor;
 mod run;
 mod scratch;
+mod second;
 mod state;
 mod steps;
 mod task;
 mod view;
 
-pub use batch::{Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS};
+pub use base::{Base, base_parameters};
+pub use batch::{
+    Batch, BatchWorkspace, CUT_SHORT, MOST_ROWS, PackedRows, STRAIGHT_FIELDS, STRAIGHT_GIVEN,
+};
 pub use closed::ClosedNumbers;
 pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
@@ -42,6 +47,7 @@ use crate::plan::motors::Motors;
 use crate::plan::needed::Needed;
 use crate::plan::steps::{Space, Steps};
 use crate::plan::task::Tasks;
+use crate::scalar::Real;
 use crate::workspace::Needs;
 
 /// Steps for one kind of request on one model; made off the hot path, then run any number of times.
@@ -94,6 +100,10 @@ pub struct Plan {
     closed: Closed,
     /// Of a request with tasks.
     task: Option<Box<Tasks>>,
+    /// The plan of the first derivatives whose differences are wanted.
+    first: Option<Box<Plan>>,
+    /// Where they are wanted.
+    base: Vec<f64>,
     /// States of a packet.
     batch_width: usize,
 }
@@ -102,13 +112,13 @@ impl Plan {
     /// The plan for `query` on `model`. Forward dynamics goes by the model's choice
     /// ([`Model::forward_method`]) independently of the other outputs: a number has the same bits
     /// in every answer. Allocates; errors name the field that does not fit.
-    pub fn new<C>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
+    pub fn new<C: Real>(model: &Model<C>, query: &Query) -> Result<Plan, QueryError> {
         Plan::with_method(model, query, model.forward_method())
     }
 
     /// The plan for `query` on `model` with forward dynamics by this method; [`Method::Kkt`] needs
     /// [`crate::Workspace::for_plans`].
-    pub fn with_method<C>(
+    pub fn with_method<C: Real>(
         model: &Model<C>,
         query: &Query,
         method: Method,
@@ -126,9 +136,10 @@ impl Plan {
         let wrench_links: Vec<(usize, usize)> = links.filter(has_effect).collect();
         let loaded: Vec<usize> = wrench_links.iter().map(|(_, link)| *link).collect();
         let task = Tasks::of(model, query, method)?.map(Box::new);
-        let closed = match task {
-            None => Closed::new(model, query, &needed.scope, &steps),
-            Some(_) => Closed::default(),
+        let first = second::first(model, query, method)?.map(Box::new);
+        let closed = match task.is_none() && first.is_none() {
+            true => Closed::new(model, query, &needed.scope, &steps),
+            false => Closed::default(),
         };
         let mut plan = Plan {
             query: *query,
@@ -149,6 +160,8 @@ impl Plan {
             needed,
             closed,
             task,
+            first,
+            base: base::wanted(model, query)?,
             batch_width: 1,
         };
         plan.batch_width = plan.batch_width_on(model);
@@ -187,7 +200,8 @@ impl Plan {
             derivatives,
             motors: self.motors.is_some(),
             frames,
-            search: self.task.is_some(),
+            // in doubles alone
+            search: self.task.is_some() || self.first.is_some(),
         };
         self.inner().map_or(own, |inner| own.and(inner.needs()))
     }

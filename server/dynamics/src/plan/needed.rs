@@ -38,25 +38,8 @@ pub(super) const OF_THE_LINKS: [Field; 6] = [
     Field::Centroidal,
     Field::Energy,
 ];
-/// Derivatives, and those of them that need forces and masses.
-pub(super) const DERIVATIVES: [Field; 13] = [
-    Field::DtauYDy,
-    Field::DtauYDyd,
-    Field::DtauUDy,
-    Field::DtauUDyd,
-    Field::DtauUnactuatedDy,
-    Field::DtauUnactuatedDyd,
-    Field::DyddDy,
-    Field::DyddDyd,
-    Field::DyddDtauU,
-    Field::Gd,
-    Field::DqddDy,
-    Field::DgBiasDyd,
-    Field::DjacobianDy,
-];
 /// Fields of the observer, which reads Ġ.
 pub(super) const OBSERVED: [Field; 2] = [Field::Observer, Field::TauExternal];
-pub(super) const OF_FORCES: [Field; 9] = *DERIVATIVES.first_chunk().unwrap();
 /// Forces by parameters.
 pub(super) const REGRESSORS: [Field; 2] = [Field::RegressorY, Field::RegressorU];
 /// Derivatives of the actuators' forces.

@@ -69,6 +69,7 @@ impl Plan {
             (steps.frames && steps.frame_velocities && moves, "twists of frames"),
             (steps.links, "sums over the links"),
             (steps.derivatives, "derivatives"),
+            (self.first.is_some(), "differences of derivatives in double-double"),
             (steps.regressor, "forces by parameters"),
             (self.motors.is_some(), "limits of actuators"),
             (steps.task_space, "inertia of the frames"),

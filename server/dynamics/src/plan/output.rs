@@ -101,7 +101,8 @@ impl Plan {
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     #[inline(always)]
     fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
-        let fits = if self.steps.conditions || self.motors.is_some() || self.task.is_some() {
+        let has_rare = self.motors.is_some() || self.task.is_some() || !self.base.is_empty();
+        let fits = if self.steps.conditions || has_rare {
             self.are_finite(output)
         } else {
             all_finite(output)
@@ -114,7 +115,7 @@ impl Plan {
     fn are_finite<T: Real>(&self, output: &[T]) -> bool {
         let may_be_infinite = |field: Field| {
             matches!(field, Field::CondKd | Field::CondGu | Field::CondMy)
-                || matches!(field, Field::TaskResidual | Field::Solutions)
+                || matches!(field, Field::TaskResidual | Field::Solutions | Field::BaseParameters)
                 || field.is_of_motors()
         };
         let mut slots = self.want().slots().iter().filter(|slot| !may_be_infinite(slot.field));
@@ -233,18 +234,13 @@ impl Plan {
                     out.copy_from_slice(&self.view(model).twist(frame, &ws.world, &ws.motion))
                 });
             }
-            Field::FrameAcc => {
-                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.qdd, &mut ws.motion);
+            Field::FrameAcc | Field::JdYd => {
+                let of_twist = slot.field == Field::JdYd;
+                let qdd = if of_twist { &ws.g } else { &ws.qdd };
+                algorithms::rates(model, &self.frame_bodies, &ws.qd, qdd, &mut ws.motion);
                 self.each_frame(model, out, 6, |frame, out| {
                     let view = self.view(model);
-                    out.copy_from_slice(&view.acceleration(frame, &ws.world, &ws.motion))
-                });
-            }
-            Field::JdYd => {
-                algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.g, &mut ws.motion);
-                self.each_frame(model, out, 6, |frame, out| {
-                    let view = self.view(model);
-                    out.copy_from_slice(&view.twist_rate(frame, &ws.world, &ws.motion))
+                    out.copy_from_slice(&view.acceleration(frame, &ws.world, &ws.motion, of_twist))
                 });
             }
             field if OF_THE_LINKS.contains(&field) => {
@@ -260,6 +256,10 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
+            field if field.is_second() => out.fill(T::ZERO),
+            Field::BaseParameters => {
+                out.iter_mut().zip(&self.base).for_each(|(to, x)| *to = T::from_f64(*x));
+            }
             field if (field.is_derivative() || OBSERVED.contains(&field)) && !T::STRAIGHT => {
                 self.write_derivative(model, ws, field, out);
             }

@@ -85,11 +85,15 @@ impl PlanScalar for f64 {
         input: &[f64],
         output: &mut [f64],
     ) -> Answer {
-        // tasks are in doubles alone
-        match &plan.task {
-            Some(tasks) => plan.run_tasks(tasks, model, workspace, input, output),
-            None => plan.execute::<_, false>(model, workspace, input, output),
+        // tasks and second derivatives are in doubles alone
+        if let Some(tasks) = &plan.task {
+            return plan.run_tasks(tasks, model, workspace, input, output);
         }
+        let answer = plan.execute::<_, false>(model, workspace, input, output);
+        if plan.first.is_some() && answer.status == Status::Ok {
+            return plan.add_second(workspace, input, output, answer);
+        }
+        answer
     }
 }
 
@@ -216,7 +220,8 @@ impl Plan {
         self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
         if self.steps.derivatives {
             // near a singular pose they lose as much more as g does against G
-            report.doubt.times(report.doubt.factor.cbrt());
+            let more = report.doubt.factor.cbrt();
+            report.doubt.times(if self.first.is_some() { more * more } else { more });
         }
         if self.steps.poses {
             turn(&self.needed.scope.free, &ws.q, &mut ws.cos_sin);

@@ -22,6 +22,10 @@ impl<T: Real> Workspace<T> {
             given = given.max(plan.given().len());
             want = want.max(plan.want().len());
             closed = closed.max(plan.room_for_closed());
+            if let Some(first) = &plan.first {
+                given = given.max(first.given().len());
+                want = want.max(2 * first.want().len());
+            }
         }
         let probe = Probe::new(model, needs, given, want);
         Workspace::sized(model, needs).with_probe(probe).with_room_for_closed(closed)

@@ -243,9 +243,7 @@ impl Plan {
         let bias = accelerations && self.steps.level >= Level::Acceleration;
         let G = cluster.G(&ws.G);
         for (r, &(u, j)) in cluster.active.iter().enumerate() {
-            for k in 0..m {
-                ws.dense[r * m + k] = G[(j, k)];
-            }
+            ws.dense[r * m..(r + 1) * m].copy_from_slice(G.row(j));
             // the closure has overwritten the dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
@@ -330,9 +328,7 @@ fn actuator_newton<T: Real>(
         report.iterations += outcome.iterations + 1;
         let G = cluster.G(&ws.G);
         for (r, &(_, j)) in cluster.active.iter().enumerate() {
-            for k in 0..m {
-                ws.dense[r * m + k] = G[(j, k)];
-            }
+            ws.dense[r * m..(r + 1) * m].copy_from_slice(G.row(j));
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
         let solved = if outcome.status == Status::Ok {

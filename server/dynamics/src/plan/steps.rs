@@ -111,8 +111,8 @@ impl Steps {
         let is_seen = query.axes != Axes::Mixed as u32 || query.reference().is_some();
         let links = want.has_any(&needed::OF_THE_LINKS) || query.given.has(ComTarget);
         let observes = want.has_any(&needed::OBSERVED);
-        let derivatives = observes || want.has_any(&needed::DERIVATIVES);
-        let force_derivatives = want.has_any(&needed::OF_FORCES);
+        let derivatives = observes || want.iter().any(Field::is_derivative);
+        let force_derivatives = want.iter().any(Field::is_derivative_of_forces);
         let regressor = want.has_any(&needed::REGRESSORS);
         let reads_acceleration = derivatives || want.has_any(&TREE_ACCELERATIONS);
         let forces = force_derivatives
@@ -165,7 +165,7 @@ impl Steps {
 fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Level {
     let want = query.want;
     let dynamics = matches!(request, Request::InverseDynamics | Request::ForwardDynamics);
-    let derivatives = want.has_any(&needed::DERIVATIVES) || want.has_any(&needed::OBSERVED);
+    let derivatives = want.iter().any(Field::is_derivative) || want.has_any(&needed::OBSERVED);
     let reads_bias =
         derivatives || dynamics || want.has_any(&ACCELERATIONS) || want.has_any(&BIASES);
     let reads_jacobian = dynamics

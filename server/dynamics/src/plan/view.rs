@@ -61,43 +61,26 @@ impl<T: Real> View<'_, T> {
     }
 
     /// Classical [α; a] of the frame's origin after [`algorithms::rates`], and
-    /// [`algorithms::velocities`] where the view is not plain.
+    /// [`algorithms::velocities`] where the view is not plain; or the rate of [`View::twist`].
     pub(super) fn acceleration(
-        self,
+        mut self,
         frame: &Frame<T>,
         world: &[Pose<T>],
         motion: &[BodyState<T>],
+        of_twist: bool,
     ) -> [T; 6] {
         if self.is_plain() {
             return algorithms::frame_acceleration(frame, world, motion);
         }
         let seen = self.seen(frame, world, motion);
-        let (alpha, a) = self.accelerated(frame, &seen, world, motion);
-        // at the frame's origin in all axes
-        let at_frame = match self.axes {
-            Axes::World => View { axes: Axes::Mixed, ..self },
-            _ => self,
-        };
-        at_frame.turned(frame, world, &pack(&alpha, &a))
-    }
-
-    /// The rate of [`View::twist`], with the same needs as [`View::acceleration`].
-    pub(super) fn twist_rate(
-        self,
-        frame: &Frame<T>,
-        world: &[Pose<T>],
-        motion: &[BodyState<T>],
-    ) -> [T; 6] {
-        if self.is_plain() {
-            return algorithms::frame_acceleration(frame, world, motion);
+        let (alpha, mut a) = self.accelerated(frame, &seen, world, motion);
+        match (of_twist, self.axes) {
+            // d/dt (v + p × ω) = a + p × α − ω × v,  d/dt Rᵀ v = Rᵀ (a − ω × v)
+            (true, Axes::World | Axes::Local) => a = a.add_cross(seen.v, seen.w),
+            // at the frame's origin in all axes
+            (false, Axes::World) => self.axes = Axes::Mixed,
+            _ => {}
         }
-        let seen = self.seen(frame, world, motion);
-        let (alpha, a) = self.accelerated(frame, &seen, world, motion);
-        // d/dt (v + p × ω) = a + p × α − ω × v,  d/dt Rᵀ v = Rᵀ (a − ω × v)
-        let a = match self.axes {
-            Axes::World | Axes::Local => a.add_cross(seen.v, seen.w),
-            _ => a,
-        };
         self.turned(frame, world, &pack(&alpha, &a))
     }
 

@@ -1,7 +1,7 @@
 //! One line out.
 
 use sarrus_client::{Answer, Field, Layout, ModelInfo, Query, Status, Warnings};
-use sarrus_proto::{Rows, Slot};
+use sarrus_proto::{FIELDS, Rows, Slot};
 use serde::Serialize;
 
 use super::request::{Asked, Output};
@@ -148,17 +148,9 @@ fn by_link<P: Copy, R: Clone>(
 /// The numbers of a field: a plain number, a list, or a list of rows.
 fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) {
     match slot.field {
-        Field::Residual
-        | Field::CondKd
-        | Field::CondGu
-        | Field::CondMy
-        | Field::SigmaMin
-        | Field::Margin
-        | Field::Projection => {
-            numbers.iter().for_each(|x| number(out, x));
-        }
         // a count, exact in a double
         Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
+        field if FIELDS[field as usize].shape == "1" => numbers.iter().for_each(|x| number(out, x)),
         // a sign
         Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
         Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
@@ -205,20 +197,7 @@ fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, que
             }
             out.push(b'}');
         }
-        Field::G
-        | Field::GU
-        | Field::K
-        | Field::MY
-        | Field::ComJacobian
-        | Field::Centroidal
-        | Field::JdYd
-        | Field::ReflectedInertia
-        | Field::ReflectedDamping
-        | Field::Observer
-        | Field::TaskInertia
-        | Field::RegressorY
-        | Field::RegressorU => rows(out, slot.rows, slot.columns, numbers),
-        field if field.is_derivative() => rows(out, slot.rows, slot.columns, numbers),
+        _ if slot.is_matrix() => rows(out, slot.rows, slot.columns, numbers),
         _ => list(out, numbers.iter(), number),
     }
 }

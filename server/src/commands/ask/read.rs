@@ -122,28 +122,6 @@ impl Reader<'_> {
             "search" => self.option("search", QueryOptions::SEARCH, value)?,
             "friction" => self.option("friction", QueryOptions::FRICTION, value)?,
             "axes" => self.axes = axes(value)?,
-            "dt" | "gain" => {
-                let expected = format!("{name} as a number from 0 on");
-                let number = value.number().filter(|x| *x >= 0.0);
-                let numbers = vec![number.ok_or_else(|| value.is_no(&expected))?];
-                let field = if name == "dt" { Field::Dt } else { Field::Gain };
-                self.given.push(Given { field, numbers, offset: key.offset });
-            }
-            "observer" => {
-                let n = self.model.sizes.n_vy;
-                let numbers = self.read_rows("a row of the observer", value, n..=n, 3)?;
-                self.given.push(Given { field: Field::Observer, numbers, offset: key.offset });
-            }
-            "directions" => {
-                let n = self.model.sizes.n_vy;
-                let numbers = self.read_rows("a direction", value, 1..=MAX_DIRECTIONS, n)?;
-                self.directions = Some(numbers.len() / self.model.sizes.n_vy.max(1));
-                self.given.push(Given { field: Field::Directions, numbers, offset: key.offset });
-            }
-            "gains_u" => {
-                let numbers = self.read_gains(value)?;
-                self.given.push(Given { field: Field::GainsU, numbers, offset: key.offset });
-            }
             "relative_to" => {
                 let expected = "relative_to as the name of a link";
                 let name = value.string().ok_or_else(|| value.is_no(expected))?;
@@ -151,18 +129,17 @@ impl Reader<'_> {
             }
             "deadline_us" => self.deadline = Some(deadline(value)?),
             _ if self.task_member(key, value)? => {}
-            _ => match INPUTS.into_iter().find(|field| field.name() == name) {
-                Some(field) => {
-                    let n = field.shape(&self.model.sizes, 0, 0).0;
-                    let numbers = self.numbers(&name, value, n)?;
+            _ => match self.given(&name, value)? {
+                Some((field, numbers)) => {
                     self.given.push(Given { field, numbers, offset: key.offset });
                 }
                 None => {
                     let known: Vec<&str> = INPUTS.iter().map(|field| field.name()).collect();
                     let known = format!(
-                        "{}, wrenches, directions, gains_u, dt, gain, observer, frames, joints, \
-                         want, loop_tolerance, projection_tolerance, axes, relative_to, search, \
-                         friction, deadline_us, tasks, contacts, com, bounds, clearance, all",
+                        "{}, wrenches, directions, gains_u, direction, dt, gain, observer, \
+                         frames, joints, want, loop_tolerance, projection_tolerance, axes, \
+                         relative_to, search, friction, deadline_us, tasks, contacts, com, bounds, \
+                         clearance, all",
                         known.join(", ")
                     );
                     return Err(key.fault(format!(
@@ -174,6 +151,51 @@ impl Reader<'_> {
         }
         self.keys.push((name, key.offset));
         Ok(())
+    }
+
+    /// The numbers of a field that a request gives.
+    fn given(
+        &mut self,
+        name: &str,
+        value: Value<'_>,
+    ) -> Result<Option<(Field, Vec<f64>)>, Problem> {
+        let sizes = self.model.sizes;
+        let n = sizes.n_vy;
+        Ok(Some(match name {
+            "dt" | "gain" => {
+                let expected = format!("{name} as a number from 0 on");
+                let number = value.number().filter(|x| *x >= 0.0);
+                let field = if name == "dt" { Field::Dt } else { Field::Gain };
+                (field, vec![number.ok_or_else(|| value.is_no(&expected))?])
+            }
+            "observer" => {
+                (Field::Observer, self.read_rows("a row of the observer", value, n..=n, 3)?)
+            }
+            "directions" => {
+                let numbers = self.read_rows("a direction", value, 1..=MAX_DIRECTIONS, n)?;
+                self.directions = Some(numbers.len() / n.max(1));
+                (Field::Directions, numbers)
+            }
+            "gains_u" => {
+                let expected =
+                    "gains_u as an object such as {\"stiffness\": [100], \"damping\": [5]}";
+                let parts = [("stiffness", sizes.n_u), ("damping", sizes.n_u)];
+                let [k, d] = self.read_parts(value, expected, parts)?;
+                (Field::GainsU, k.into_iter().zip(d).flat_map(<[f64; 2]>::from).collect())
+            }
+            "direction" => {
+                let expected =
+                    "direction as an object such as {\"y\": [1], \"yd\": [0], \"tau\": [0]}";
+                let parts = [("y", n), ("yd", n), ("tau", sizes.n_u)];
+                (Field::Direction, self.read_parts(value, expected, parts)?.concat())
+            }
+            _ => {
+                let Some(field) = INPUTS.into_iter().find(|field| field.name() == name) else {
+                    return Ok(None);
+                };
+                (field, self.numbers(name, value, field.shape(&sizes, 0, 0).0)?)
+            }
+        }))
     }
 
     /// Adds an option of queries where it is true.
@@ -313,20 +335,22 @@ impl Reader<'_> {
         Ok(numbers)
     }
 
-    /// Stiffness and damping of each actuator.
-    fn read_gains(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
-        let expected = "gains_u as an object such as {\"stiffness\": [100], \"damping\": [5]}";
-        let n = self.model.sizes.n_u;
-        let mut numbers = vec![0.0; 2 * n];
-        for (key, value) in value.members(2).ok_or_else(|| value.is_no(expected))? {
+    /// Lists of these names and lengths, zeros where one is missing.
+    fn read_parts<const N: usize>(
+        &mut self,
+        value: Value<'_>,
+        expected: &str,
+        parts: [(&str, usize); N],
+    ) -> Result<[Vec<f64>; N], Problem> {
+        let mut lists = parts.map(|(_, n)| vec![0.0; n]);
+        for (key, value) in value.members(N).ok_or_else(|| value.is_no(expected))? {
             let name = key.string().unwrap_or_default();
-            let names = ["stiffness", "damping"];
-            let at = names.iter().position(|known| *known == name);
+            let at = parts.iter().position(|(known, _)| *known == name);
             let at = at.ok_or_else(|| key.is_no(expected))?;
-            let gains = self.numbers(&name, value, n)?;
-            numbers.iter_mut().skip(at).step_by(2).zip(gains).for_each(|(to, gain)| *to = gain);
+            let numbers = self.numbers(&name, value, parts[at].1)?;
+            lists[at].iter_mut().zip(numbers).for_each(|(to, x)| *to = x);
         }
-        Ok(numbers)
+        Ok(lists)
     }
 
     pub(super) fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {

@@ -52,7 +52,7 @@ impl From<Fault> for Problem {
 }
 
 /// The inputs of a request besides wrenches.
-pub(super) const INPUTS: [Field; 16] = [
+pub(super) const INPUTS: [Field; 17] = [
     Field::Y,
     Field::Yd,
     Field::Ydd,
@@ -69,6 +69,7 @@ pub(super) const INPUTS: [Field; 16] = [
     Field::TauQ,
     Field::YGuess,
     Field::YPreferred,
+    Field::Multipliers,
 ];
 const FRAMES: [Field; 3] = [Field::FramePose, Field::FrameTwist, Field::FrameAcc];
 const JACOBIANS: [Field; 3] =

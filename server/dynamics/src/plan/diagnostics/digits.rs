@@ -84,6 +84,10 @@ impl Plan {
         output: &[T],
         report: &RunReport<T>,
     ) -> bool {
+        if self.first.is_some() {
+            // no digits of second derivatives are counted
+            return false;
+        }
         let Some(mut probe) = ws.probe.take() else { return false };
         let fits = probe.input.len() >= input.len() && probe.output.len() >= output.len();
         let keeps = fits && {
@@ -110,7 +114,9 @@ impl Plan {
         self.want().slots().iter().all(|slot| {
             let (least, part) = match slot.field {
                 Residual | Iterations | NearestY | Branch | LambdaDeterminate
-                | GoodIndependents | Uncontrolled | Projection | Limits => return true,
+                | GoodIndependents | Uncontrolled | Projection | Limits | BaseParameters => {
+                    return true;
+                }
                 Q | Y | U | FramePose => (AT_ZERO, 1.0),
                 Ydd | Qdd | Udd | FrameAcc => (0.0, report.doubt.acceleration),
                 TauQ | TauY | TauU | TauUnactuated => (0.0, report.doubt.force),

@@ -19,6 +19,7 @@ use crate::closure::column_unit;
 use crate::model::{Method, Model};
 use crate::plan::task::motion::Motion;
 use crate::plan::{Plan, supports};
+use crate::scalar::Real;
 
 /// The part of a model and a query that a search reads, by internal numbers.
 #[derive(Clone, Debug)]
@@ -55,7 +56,7 @@ struct Independent {
 
 impl Tasks {
     /// `None` for a request without tasks.
-    pub(super) fn of<C>(
+    pub(super) fn of<C: Real>(
         model: &Model<C>,
         query: &Query,
         method: Method,

@@ -66,7 +66,7 @@ struct Group {
 
 impl Motion {
     /// `None` for a request without a step.
-    pub(super) fn of<C>(
+    pub(super) fn of<C: Real>(
         model: &Model<C>,
         query: &Query,
         method: Method,

@@ -87,7 +87,7 @@ impl Plan {
             algorithms::rates(model, &self.frame_bodies, &ws.qd, &ws.g, &mut ws.motion);
             for (link, b) in self.frames.iter().zip(b.chunks_exact_mut(6)) {
                 let view = self.view(model);
-                let rate = view.twist_rate(&model.frames[*link], &ws.world, &ws.motion);
+                let rate = view.acceleration(&model.frames[*link], &ws.world, &ws.motion, true);
                 b.iter_mut().zip(rate).for_each(|(b, x)| *b -= x);
             }
             self.bias_force(model, ws, &[], false);
