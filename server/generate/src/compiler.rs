@@ -19,7 +19,7 @@ use crate::{LoadError, NativeKernel, ObjectFile};
 /// The longest time for which a compiler may print its version.
 const NAME: Duration = Duration::from_secs(10);
 /// The longest time for which a compiler, or the test of its output, may run.
-const COMPILE: Duration = Duration::from_secs(120);
+pub(crate) const COMPILE: Duration = Duration::from_secs(120);
 
 /// Beginnings of flags that add code with constructors to an object: sanitizers, profiles.
 const INSTRUMENTS: [&str; 6] =
@@ -53,7 +53,7 @@ impl Compiler {
 
     /// As above, but gives no answer as soon as it is cancelled.
     pub fn found_unless(cancel: &Cancel) -> Option<Compiler> {
-        Compiler::named(&usual(), cancel).ok()
+        Compiler::named(&usual("CC", "cc"), cancel).ok()
     }
 
     /// The compiler that this command starts, once it has printed its version.
@@ -92,15 +92,8 @@ impl Compiler {
 
     /// Writes the files of a source into a folder, which is made where it is missing.
     pub fn write(source: &Source, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
-        let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
         let files = [(".c", &source.function), (".h", &source.header), ("_test.c", &source.test)];
-        let write = |(ending, text): (&str, &String)| {
-            let path = folder.join(format!("{}{ending}", source.name));
-            write_new(&path, text).map_err(|error| failed(&path, error))?;
-            Ok(path)
-        };
-        files.into_iter().map(write).collect()
+        write_all(folder, &source.name, &files)
     }
 
     /// Builds the files that [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A
@@ -180,20 +173,20 @@ impl Built {
     }
 }
 
-fn first_line(words: &str) -> String {
+pub(crate) fn first_line(words: &str) -> String {
     words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
-/// The command of the compiler: `CC`, or `cc` where that is unset or empty.
-fn usual() -> String {
-    let command = std::env::var("CC").ok().filter(|command| !command.trim().is_empty());
-    command.unwrap_or_else(|| "cc".to_owned())
+/// The command of a compiler: this variable, or `program` where it is unset or empty.
+pub(crate) fn usual(variable: &str, program: &str) -> String {
+    let command = std::env::var(variable).ok().filter(|command| !command.trim().is_empty());
+    command.unwrap_or_else(|| program.to_owned())
 }
 
 /// Why there is no compiler, in brackets; empty where there is one now.
 #[cfg(feature = "load")]
 pub(crate) fn why_not_found() -> String {
-    let found = Compiler::named(&usual(), &Cancel::default());
+    let found = Compiler::named(&usual("CC", "cc"), &Cancel::default());
     found.map_or_else(|why| format!(" (tried {why})"), |_| String::new())
 }
 
@@ -204,6 +197,23 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
         true => Ok(ended.words),
         false => Err(BuildError::Failed { program: name.to_owned(), words: ended.words }),
     }
+}
+
+/// Writes files of this name, with these endings, into a folder, which is made where it is missing;
+/// their paths.
+pub(crate) fn write_all(
+    folder: &Path,
+    name: &str,
+    files: &[(&str, &String)],
+) -> Result<Vec<PathBuf>, BuildError> {
+    let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
+    let write = |(ending, text): &(&str, &String)| {
+        let path = folder.join(format!("{name}{ending}"));
+        write_new(&path, text).map_err(|error| failed(&path, error))?;
+        Ok(path)
+    };
+    files.iter().map(write).collect()
 }
 
 /// Writes a file in place of any existing one: writing to a pipe would wait for a reader.

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use sarrus_client::describe;
 use sarrus_dynamics::Plan;
-use sarrus_generate::{BuildError, Cancel, Compiler, Kernel, NativeKernel, Script, Source};
+use sarrus_generate::{
+    BuildError, Cancel, Compiler, Device, Kernel, Launcher, NativeKernel, Script, Source,
+};
 use sarrus_models::Loaded;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -44,6 +46,10 @@ enum Language {
     C,
     /// JavaScript, for a page or node.
     Js,
+    /// C11 that is CUDA too, with a kernel over batches and its launcher.
+    Cuda,
+    /// C11 that is OpenCL C too, with a kernel over batches and its launcher.
+    Opencl,
 }
 
 /// The generated files and their sizes.
@@ -58,6 +64,8 @@ struct Generated {
     compared: Option<u64>,
     /// The output of the test.
     test: Option<String>,
+    /// The output of the kernel's launcher, or why it was not run.
+    launch: Option<String>,
 }
 
 /// The stages in their order.
@@ -126,10 +134,19 @@ impl Generate {
         let plan = Plan::new(model, &query).map_err(|error| no_query(error.to_string()))?;
         let kernel = Kernel::trace(model, &plan).map_err(Failure::finding)?;
         let name = format!("{}_{}", model.name(), request.name());
-        if self.language == Language::Js {
-            return self.script(&Script::new(&kernel, model, &name), &kernel, (stage, cancel));
-        }
-        let source = Source::new(&kernel, model, &name);
+        let launcher = |device| Some(Launcher::new(&kernel, model, &name, device));
+        let launcher = match self.language {
+            Language::Js => {
+                return self.script(&Script::new(&kernel, model, &name), &kernel, (stage, cancel));
+            }
+            Language::C => None,
+            Language::Cuda => launcher(Device::Cuda),
+            Language::Opencl => launcher(Device::OpenCl),
+        };
+        let source = match &launcher {
+            Some(launcher) => launcher.source.clone(),
+            None => Source::new(&kernel, model, &name),
+        };
         let mut generated = Generated {
             files: Compiler::write(&source, &self.out).map_err(Failure::start)?,
             operations: kernel.operations(),
@@ -137,9 +154,14 @@ impl Generate {
             compiler: Some("not built".to_owned()),
             compared: None,
             test: None,
+            launch: None,
         };
-        let Some(found) = Compiler::found_unless(cancel) else { return Ok(generated) };
         stage.store(1, Relaxed);
+        if let Some(launcher) = launcher {
+            generated.files.extend(launcher.write(&self.out).map_err(Failure::start)?);
+            generated.launch = Some(launcher.test(&self.out, cancel).map_err(Failure::finding)?);
+        }
+        let Some(found) = Compiler::found_unless(cancel) else { return Ok(generated) };
         let built =
             found.build_unless(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
         stage.store(2, Relaxed);
@@ -170,6 +192,7 @@ impl Generate {
             compiler: None,
             compared: None,
             test: Some(test.unwrap_or_else(|| "not run: node was not found".to_owned())),
+            launch: None,
         })
     }
 }
@@ -187,8 +210,10 @@ fn in_words(generated: &Generated) -> String {
     if let Some(states) = generated.compared {
         text += &labelled("compared", format!("{states} states, the same bits"));
     }
-    for line in generated.test.iter().flat_map(|test| test.lines()) {
-        text += &labelled("test", line);
+    for (name, lines) in [("test", &generated.test), ("launch", &generated.launch)] {
+        for line in lines.iter().flat_map(|text| text.lines()) {
+            text += &labelled(name, line);
+        }
     }
     text
 }

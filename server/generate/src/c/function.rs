@@ -23,10 +23,11 @@ const LANES: usize = 4;
 const WORTH: usize = 3;
 
 /// The function of a kernel.
-pub(super) fn function(kernel: &Kernel, name: &str) -> String {
+pub(super) fn function(kernel: &Kernel, name: &str, is_for_devices: bool) -> String {
     let mut text =
         include_str!("head.c").replace("@NAME@", name).replace("@FLAGS@", &FLAGS.join(" "));
     text += include_str!("elementary.c");
+    text += "\n#if !defined(SARRUS_DEVICE)\n";
     text += &elementary(kernel, false);
     let pairs = Pairs::new(kernel);
     if pairs.steps.iter().any(|step| matches!(step, Step::Pair(..))) {
@@ -39,7 +40,8 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     let lines = Vec::new();
     let statements = Body { kernel, pairs, lines, angles, late, follow, used }.statements();
     text += &statements.text(name);
-    text += &rows(kernel, name);
+    text += "#endif\n";
+    text += &rows(kernel, name, is_for_devices);
     text += &Manifest::of(kernel, name).c();
     text
 }

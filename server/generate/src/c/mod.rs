@@ -1,5 +1,6 @@
 //! C11 of a kernel: the function, its header, a test with answers of the generic kernel.
 
+mod device;
 mod elementary;
 mod function;
 mod header;
@@ -9,6 +10,7 @@ mod table;
 mod test;
 mod watches;
 
+pub use device::{Device, Launcher};
 pub(crate) use header::{names, request};
 
 use sarrus_dynamics::Model;
@@ -34,11 +36,17 @@ impl Source {
     /// C for a kernel of this model under this name, of which only letters, digits and `_` are
     /// kept. Allocates.
     pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Source {
+        Source::ordered(kernel, model, name, false)
+    }
+
+    /// As above; with `is_for_devices` the function for rows is in the order in which the fewest
+    /// registers are spilled on a device, where C takes longer by a tenth.
+    fn ordered(kernel: &Kernel, model: &Model<f64>, name: &str, is_for_devices: bool) -> Source {
         let name = identifier(name);
         Source {
             header: header::header(kernel, model, &name),
-            function: function::function(kernel, &name),
-            test: test::test(kernel, model, &name),
+            function: function::function(kernel, &name, is_for_devices),
+            test: test::filled(include_str!("test.c"), kernel, model, &name),
             name,
         }
     }

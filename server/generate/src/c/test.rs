@@ -1,12 +1,12 @@
-//! `NAME_test.c`.
+//! Programs with answers: `NAME_test.c`, and the launcher of a device.
 
 use sarrus_dynamics::{Model, Status, Workspace};
 
 use crate::c::literal;
 use crate::{Kernel, Outcome};
 
-/// A program that compares answers with those of the generic kernel and prints the time of a call.
-pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
+/// A program that compares answers with those of the generic kernel, from this template.
+pub(super) fn filled(template: &str, kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
     let upper = name.to_ascii_uppercase();
     let count = kernel.golden.len();
     let mut workspace = Workspace::for_plans(model, [&kernel.plan]);
@@ -31,7 +31,7 @@ pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
         outputs += &format!("    {{{}}},\n", or_zero(row.join(", ")));
         codes += &format!("{code}, ");
     }
-    include_str!("test.c")
+    template
         .replace("@NAME@", name)
         .replace("@UPPER@", &upper)
         .replace("@COUNT@", &count.to_string())

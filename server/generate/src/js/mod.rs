@@ -16,7 +16,7 @@ use std::time::Duration;
 use sarrus_dynamics::{Layout, Model, Plan, Status, Workspace};
 
 use crate::c::{arithmetic, identifier, names, request};
-use crate::compiler::write_new;
+use crate::compiler::write_all;
 use crate::error::BuildError;
 use crate::graph::{Operation, Term};
 use crate::row::{Measure, Row};
@@ -87,15 +87,7 @@ impl Script {
     /// # Errors
     /// [`BuildError::Io`]: some file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
-        let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-        let files = [(".js", &self.function), ("_test.js", &self.test)];
-        let write = |(ending, text): (&str, &String)| {
-            let path = folder.join(format!("{}{ending}", self.name));
-            write_new(&path, text).map_err(|error| failed(&path, error))?;
-            Ok(path)
-        };
-        files.into_iter().map(write).collect()
+        write_all(folder, &self.name, &[(".js", &self.function), ("_test.js", &self.test)])
     }
 
     /// Runs the test that [`Script::write`] wrote with `node`, for at most 120 s, and returns its

@@ -1,6 +1,7 @@
 //! Generated code against the generic kernels: every bit, in C as the compiler here makes it.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod device;
 mod header;
 mod js;
 

@@ -168,7 +168,7 @@ fn what_is_not_the_kernel_of_a_plan_is_refused_with_the_reason() {
         let error = damaged("half.so", &bytes[..part]);
         assert!(matches!(error, LoadError::NoKernel(_) | LoadError::Broken(_)), "{error}");
     }
-    let head = b"sarrus kernel 5\n";
+    let head = b"sarrus kernel 6\n";
     let at = bytes.windows(head.len()).position(|window| window == head).unwrap();
     let error = damaged("manifest.so", &bytes[at..]);
     assert!(matches!(error, LoadError::Broken(_)), "{error}");
