@@ -93,7 +93,10 @@ impl Compiler {
     /// Writes the files of a source into a folder, which is made where it is missing.
     pub fn write(source: &Source, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
         let files = [(".c", &source.function), (".h", &source.header), ("_test.c", &source.test)];
-        write_all(folder, &source.name, &files)
+        let of_device = source.launcher.iter().flat_map(|launcher| {
+            launcher.endings().into_iter().zip([&launcher.kernel, &launcher.launch])
+        });
+        write_all(folder, &source.name, files.into_iter().chain(of_device))
     }
 
     /// Builds the files that [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A
@@ -201,19 +204,19 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
 
 /// Writes files of this name, with these endings, into a folder, which is made where it is missing;
 /// their paths.
-pub(crate) fn write_all(
+pub(crate) fn write_all<'a>(
     folder: &Path,
     name: &str,
-    files: &[(&str, &String)],
+    files: impl IntoIterator<Item = (&'static str, &'a String)>,
 ) -> Result<Vec<PathBuf>, BuildError> {
     let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
     std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-    let write = |(ending, text): &(&str, &String)| {
+    let write = |(ending, text): (&str, &String)| {
         let path = folder.join(format!("{name}{ending}"));
         write_new(&path, text).map_err(|error| failed(&path, error))?;
         Ok(path)
     };
-    files.iter().map(write).collect()
+    files.into_iter().map(write).collect()
 }
 
 /// Writes a file in place of any existing one: writing to a pipe would wait for a reader.

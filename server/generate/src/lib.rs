@@ -8,7 +8,7 @@
 //! common operations of equal parts of the robot in pairs, uses no memory and branches once, at its
 //! end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where it cannot, it
 //! reports so, and the caller runs the plan. JavaScript ([`Script`]) does the same in a page. The
-//! C is CUDA and OpenCL C too, for kernels over batches of states ([`Launcher`]).
+//! C is CUDA and OpenCL C too, for kernels over batches of states ([`Source::of_device`]).
 //!
 //! With the feature `load` a program loads the shared objects that a compiler makes from it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).

@@ -14,7 +14,6 @@ use crate::c::table::{Table, Value};
 use crate::c::{FLAGS, arithmetic, fused, term};
 use crate::graph::{Operation, Term};
 use crate::pair::{Pairs, Step};
-use crate::row::Measure;
 use crate::{Kernel, Manifest};
 
 /// Numbers in a vector.
@@ -144,7 +143,8 @@ impl Body<'_> {
                 Value::Filling => (0, format!("{array}[{k}] = 0.0;")),
                 Value::One(measure) => {
                     let terms: Vec<Term> = terms(value).collect();
-                    (place(&terms), format!("{array}[{k}] = {};", self.measure(measure)))
+                    let text = measure.text(|x| self.number(x), ["fabs", "sarrus_larger"]);
+                    (place(&terms), format!("{array}[{k}] = {text};"))
                 }
                 Value::Pair(x, is_absolute) => {
                     let pair = format!("p{x}");
@@ -170,17 +170,6 @@ impl Body<'_> {
     fn stores_after(&mut self, place: usize) {
         for line in self.follow.remove(&place).unwrap_or_default() {
             self.line(line);
-        }
-    }
-
-    fn measure(&self, measure: Measure) -> String {
-        let n = |x| self.number(x);
-        match measure {
-            Measure::Plain(a) => n(a),
-            Measure::Absolute(a) => format!("fabs({})", n(a)),
-            Measure::Difference(a, b) => format!("{} - {}", n(a), n(b)),
-            Measure::Distance(a, b) => format!("fabs({} - {})", n(a), n(b)),
-            Measure::Larger(a, b) => format!("sarrus_larger(fabs({}), {})", n(a), n(b)),
         }
     }
 

@@ -19,7 +19,7 @@ use sarrus_proto::fnv1a_64;
 use crate::Kernel;
 use crate::graph::{Operation, Term};
 
-/// The three files of a kernel.
+/// The files of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     /// The name of the function, which the files have too.
@@ -30,23 +30,30 @@ pub struct Source {
     pub function: String,
     /// `NAME_test.c`: a program that ends with 0 where every answer has the generic kernel's bits.
     pub test: String,
+    /// Of devices.
+    pub launcher: Option<Launcher>,
 }
 
 impl Source {
     /// C for a kernel of this model under this name, of which only letters, digits and `_` are
     /// kept. Allocates.
     pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Source {
-        Source::ordered(kernel, model, name, false)
+        Source::made(kernel, model, name, None)
     }
 
-    /// As above; with `is_for_devices` the function for rows is in the order in which the fewest
-    /// registers are spilled on a device, where C takes longer by a tenth.
-    fn ordered(kernel: &Kernel, model: &Model<f64>, name: &str, is_for_devices: bool) -> Source {
+    /// As above with a launcher. The function for rows is in an order in which a device spills few
+    /// registers; on a processor it may take a seventh longer.
+    pub fn of_device(kernel: &Kernel, model: &Model<f64>, name: &str, device: Device) -> Source {
+        Source::made(kernel, model, name, Some(device))
+    }
+
+    fn made(kernel: &Kernel, model: &Model<f64>, name: &str, device: Option<Device>) -> Source {
         let name = identifier(name);
         Source {
             header: header::header(kernel, model, &name),
-            function: function::function(kernel, &name, is_for_devices),
+            function: function::function(kernel, &name, device.is_some()),
             test: test::filled(include_str!("test.c"), kernel, model, &name),
+            launcher: device.map(|device| Launcher::new(kernel, model, &name, device)),
             name,
         }
     }

@@ -25,7 +25,7 @@ pub(super) fn rows(kernel: &Kernel, name: &str, is_for_devices: bool) -> String 
     let inputs = kernel.operations.iter().enumerate().filter_map(input).collect();
     let of_plan: Vec<u32> = (0..kernel.operations.len() as u32).collect();
     let order = match is_for_devices {
-        true => [depth_first(kernel), of_plan].into_iter().min_by_key(|x| most_waiting(kernel, x)),
+        true => [depth_first(kernel), of_plan].into_iter().min_by_key(|x| last_uses(kernel, x)),
         false => Some(of_plan),
     };
     let order = order.unwrap_or_default();
@@ -62,20 +62,14 @@ fn depth_first(kernel: &Kernel) -> Vec<u32> {
     order
 }
 
-/// How many numbers wait at most for a later operation.
-fn most_waiting(kernel: &Kernel, order: &[u32]) -> usize {
+/// The places of the last uses of all numbers in an order: the earlier, the fewer numbers wait.
+fn last_uses(kernel: &Kernel, order: &[u32]) -> usize {
     let mut last = vec![0; order.len()];
-    let operands = |at: u32| kernel.operations[at as usize].operands().filter_map(Term::at);
     for (place, at) in order.iter().enumerate() {
-        operands(*at).for_each(|from| last[from as usize] = place);
+        let operands = kernel.operations[*at as usize].operands();
+        operands.filter_map(Term::at).for_each(|from| last[from as usize] = place);
     }
-    let mut ends = vec![0; order.len()];
-    last.iter().for_each(|place| ends[*place] += 1);
-    let waiting = ends.iter().enumerate().scan(0, |ended, (place, ends)| {
-        *ended += ends;
-        Some(place + 1 - (*ended).min(place + 1))
-    });
-    waiting.max().unwrap_or(0)
+    last.iter().sum()
 }
 
 /// The statements of the function.

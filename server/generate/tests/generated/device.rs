@@ -3,25 +3,24 @@
 use std::process::Command;
 
 use sarrus_dynamics::Plan;
-use sarrus_generate::{Cancel, Compiler, Device, Kernel, Launcher, Outcome};
+use sarrus_generate::{Cancel, Compiler, Device, Kernel, Outcome, Source};
 
 use super::{Comparison, answers, folder, model, queries, states, warm_queries};
 
-/// A launcher with its files in a folder, and the output of its test.
+/// The name of a source whose files are in a folder, and the output of its launcher.
 fn launched(
     robot: &str,
     (name, query): (&str, sarrus_dynamics::Query),
     device: Device,
-) -> (Launcher, String) {
+) -> (String, String) {
     let model = model(robot);
     let kernel = Kernel::trace(&model, &Plan::new(&model, &query).unwrap()).unwrap();
-    let launcher = Launcher::new(&kernel, &model, &format!("{robot}_{name}"), device);
+    let source = Source::of_device(&kernel, &model, &format!("{robot}_{name}"), device);
     let folder = folder(&format!("{device:?}"));
-    Compiler::write(&launcher.source, &folder).unwrap();
-    launcher.write(&folder).unwrap();
-    let words = launcher.test(&folder, &Cancel::default()).unwrap();
+    Compiler::write(&source, &folder).unwrap();
+    let words = source.launched(&folder, &Cancel::default()).unwrap().unwrap();
     println!("{robot} {name}: {words}");
-    (launcher, words)
+    (source.name, words)
 }
 
 #[test]
@@ -31,7 +30,7 @@ fn opencl_has_the_bits_of_the_plans() {
     let robots = ["lambda", "torso", "parallelogram", "r3_lambda_r"];
     let plain = robots.into_iter().flat_map(|robot| queries().map(|query| (robot, query)));
     for (robot, query) in plain.chain([("rh5v2_upper_body", queries()[1]), warm]) {
-        let (launcher, words) = launched(robot, query, Device::OpenCl);
+        let (source, words) = launched(robot, query, Device::OpenCl);
         if words.starts_with("not run") {
             return;
         }
@@ -43,7 +42,7 @@ fn opencl_has_the_bits_of_the_plans() {
         let states: Vec<_> = states(&model, &plan, 0..count).filter_map(of).collect();
         let closed: Vec<Vec<f64>> = states.iter().map(|state| state.0.clone()).collect();
         let folder = folder("OpenCl");
-        let mut command = Command::new(folder.join(format!("{}_launch", launcher.source.name)));
+        let mut command = Command::new(folder.join(format!("{source}_launch")));
         command.current_dir(folder);
         let answers = answers(command, "states", &closed, plan.want().len());
         for ((_, input), (outcome, output)) in states.iter().zip(answers) {

@@ -370,6 +370,7 @@ fn sanitizers_find_nothing() {
         header: String::new(),
         function: "extern int nothing;\nint nothing;\n".to_owned(),
         test: text,
+        launcher: None,
     };
     let folder = folder("empty");
     Compiler::write(&empty, &folder).unwrap();

@@ -82,7 +82,7 @@ fn built(
 /// some angle.
 fn with_another_constant(function: String) -> String {
     let is_digit = |c: &char| c.is_ascii_digit();
-    let start = function.find("\nint elbow(").unwrap();
+    let start = function.find(" int elbow(").unwrap();
     let places = function.match_indices("0.").map(|(at, _)| at + 2).filter(|at| *at > start);
     let is_long = |at: &usize| function[*at..].chars().take_while(is_digit).count() >= 12;
     let at = places.into_iter().find(is_long).unwrap();
