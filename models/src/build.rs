@@ -2,11 +2,13 @@
 
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind as Kind, Terms,
 };
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
 use crate::cut::CutKind;
 use crate::report::{Diagnostics, Span};
+use crate::submechanisms::kind::KNOWN;
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
@@ -177,6 +179,42 @@ fn limits(entry: &JointEntry) -> Option<Limits> {
             Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
         }
         _ => None,
+    }
+}
+
+/// Joints as a submechanism of this kind, of which none is independent yet.
+pub(crate) fn group(name: String, kind: Kind, spanning_tree: Vec<usize>) -> Submechanism {
+    let known = KNOWN.iter().find(|known| known.kind == kind);
+    Submechanism {
+        name,
+        kind,
+        type_name: known.map_or("", |known| known.name).to_owned(),
+        spanning_tree,
+        independent: Vec::new(),
+        active: Vec::new(),
+        loops: Vec::new(),
+        closed_forms: true,
+    }
+}
+
+/// A joint of this kind at a place between two links, without limits and terms.
+pub(crate) fn joint(
+    name: String,
+    kind: JointKind,
+    origin: Placement,
+    [parent, child]: [usize; 2],
+) -> Joint {
+    Joint {
+        name,
+        kind,
+        parent,
+        child,
+        origin,
+        axis: [1.0, 0.0, 0.0],
+        limits: None,
+        coupling: None,
+        terms: Terms::default(),
+        motor: None,
     }
 }
 

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use sarrus_dynamics::description::{Description, Joint, JointKind, Submechanism, SubmechanismKind};
 use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_independents};
 
+use crate::build;
 use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::load::{Options, load_contents, urdf_alone};
@@ -286,16 +287,8 @@ impl Draft {
         if spanning_tree.len() != 3 || is_free {
             return None;
         }
-        let submechanism = Submechanism {
-            name: self.name.clone(),
-            kind: SubmechanismKind::Numerical,
-            type_name: self.type_name.clone(),
-            spanning_tree,
-            independent: Vec::new(),
-            active: Vec::new(),
-            loops: Vec::new(),
-            closed_forms: true,
-        };
+        let part = build::group(self.name.clone(), SubmechanismKind::Numerical, spanning_tree);
+        let submechanism = Submechanism { type_name: self.type_name.clone(), ..part };
         let (fitting, order) = fitting_types(robot, &submechanism).into_iter().next()?;
         let tree = order.iter().map(|j| robot.joints[*j].name.clone()).collect();
         let is_given = self.known().is_some_and(|known| {

@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::{Site, closing_placements};
 
-use crate::build::Spans;
+use crate::build::{self, Spans};
 use crate::report::{Diagnostics, quoted};
 use crate::rotation::{between, product, quaternion, rotated, rpy};
 use crate::submechanisms::MOST_ROWS;
@@ -205,16 +205,10 @@ fn tied(
             return None;
         }
     };
-    Some(Submechanism {
-        name: unique(&first.name, &description.submechanisms),
-        kind: SubmechanismKind::Numerical,
-        type_name: "NUMERICAL".to_owned(),
-        loops: group.cuts.iter().map(|(_, cut)| cut.clone()).collect(),
-        spanning_tree: tree,
-        independent,
-        active,
-        closed_forms: true,
-    })
+    let name = unique(&first.name, &description.submechanisms);
+    let part = build::group(name, SubmechanismKind::Numerical, tree);
+    let loops = group.cuts.iter().map(|(_, cut)| cut.clone()).collect();
+    Some(Submechanism { loops, independent, active, ..part })
 }
 
 /// A loop as a cut; without the successor's placement if the URDF has none.
@@ -276,20 +270,11 @@ fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submec
     let is_single =
         |j: &usize| !matches!(joints[*j].kind, JointKind::Floating | JointKind::Spherical);
     let active = independent.iter().copied().filter(is_single).collect();
-    let (kind, type_name) = match independent.len() == moving.len() {
-        true => (SubmechanismKind::Serial, "SERIAL"),
-        false => (SubmechanismKind::Transmission, "TRANSMISSION"),
+    let kind = match independent.len() == moving.len() {
+        true => SubmechanismKind::Serial,
+        false => SubmechanismKind::Transmission,
     };
-    Submechanism {
-        name,
-        kind,
-        type_name: type_name.to_owned(),
-        spanning_tree: moving,
-        independent,
-        active,
-        loops: Vec::new(),
-        closed_forms: true,
-    }
+    Submechanism { independent, active, ..build::group(name, kind, moving) }
 }
 
 /// A name that no submechanism has yet.

@@ -23,6 +23,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
+use crate::build;
 use crate::error::LoadError;
 use crate::load::Loaded;
 use crate::pose::Pose;
@@ -103,16 +104,8 @@ pub fn as_tree(of: &Description) -> Description {
     let mut tree = of.clone();
     let all: Vec<usize> =
         of.submechanisms.iter().flat_map(|part| part.spanning_tree.clone()).collect();
-    tree.submechanisms = vec![Submechanism {
-        name: "tree".to_owned(),
-        kind: SubmechanismKind::Serial,
-        type_name: "SERIAL".to_owned(),
-        spanning_tree: all.clone(),
-        independent: all,
-        active: Vec::new(),
-        loops: Vec::new(),
-        closed_forms: true,
-    }];
+    let part = build::group("tree".to_owned(), SubmechanismKind::Serial, all.clone());
+    tree.submechanisms = vec![Submechanism { independent: all, ..part }];
     tree.joints.iter_mut().for_each(|joint| joint.coupling = None);
     tree
 }

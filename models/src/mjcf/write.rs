@@ -10,6 +10,7 @@ use sarrus_dynamics::description::{
 
 use super::body::{Joint, Kind, Tree};
 use super::equality::Cut;
+use crate::build;
 use crate::pose::{Pose, minus};
 
 /// Links and joints in the order of the file, each joint of the model with its index there.
@@ -85,26 +86,12 @@ impl Writer<'_> {
             if !is_there {
                 let child = self.link(&body.name, body.inertial);
                 let name = format!("{}/frame", body.name);
-                self.joints.push(plain(name, JointKind::Fixed, at, [parent, child]));
+                let links = [parent, child];
+                self.joints.push(build::joint(name, JointKind::Fixed, at.placement(), links));
                 parent = child;
             }
             self.bodies.push(parent);
         }
-    }
-}
-
-fn plain(name: String, kind: JointKind, at: Pose, [parent, child]: [usize; 2]) -> Written {
-    Written {
-        name,
-        kind,
-        parent,
-        child,
-        origin: at.placement(),
-        axis: [1.0, 0.0, 0.0],
-        limits: None,
-        coupling: None,
-        terms: Terms::default(),
-        motor: None,
     }
 }
 
@@ -122,7 +109,7 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
         (Some(at), _) => place.then(Pose::at(joint.axis.map(|x| x * at))),
         (None, _) => place,
     };
-    let mut of = plain(joint.name.clone(), kind, place, links);
+    let mut of = build::joint(joint.name.clone(), kind, place.placement(), links);
     let terms = joint.terms;
     if joint.kind == Kind::Ball {
         of.terms.damping = terms.damping;
@@ -243,18 +230,8 @@ fn submechanism(
         }
     });
     Submechanism {
-        name,
-        kind,
-        type_name: match kind {
-            SubmechanismKind::Transmission => "TRANSMISSION",
-            SubmechanismKind::Serial => "SERIAL",
-            _ => "NUMERICAL",
-        }
-        .to_owned(),
-        spanning_tree: own().map(|(_, place)| place).collect(),
-        independent: Vec::new(),
         active: own().filter(|(joint, _)| joint.drive.is_some()).map(|(_, at)| at).collect(),
         loops: loops.collect(),
-        closed_forms: true,
+        ..build::group(name, kind, own().map(|(_, place)| place).collect())
     }
 }

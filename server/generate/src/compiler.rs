@@ -9,7 +9,7 @@ use std::time::Duration;
 #[cfg(feature = "load")]
 use sarrus_dynamics::{Model, Plan};
 
-use crate::c::{FLAGS, Source};
+use crate::c::{Device, FLAGS, Source};
 use crate::error::BuildError;
 use crate::manifest::DEFINITION;
 use crate::run::{Cancel, run};
@@ -19,7 +19,7 @@ use crate::{LoadError, NativeKernel, ObjectFile};
 /// The longest time for which a compiler may print its version.
 const NAME: Duration = Duration::from_secs(10);
 /// The longest time for which a compiler, or the test of its output, may run.
-pub(crate) const COMPILE: Duration = Duration::from_secs(120);
+const COMPILE: Duration = Duration::from_secs(120);
 
 /// Beginnings of flags that add code with constructors to an object: sanitizers, profiles.
 const INSTRUMENTS: [&str; 6] =
@@ -176,12 +176,57 @@ impl Built {
     }
 }
 
-pub(crate) fn first_line(words: &str) -> String {
+impl Source {
+    /// Builds the launcher that [`Compiler::write`] wrote, with the compiler
+    /// `NVCC`, or `nvcc`, for CUDA and with `CC` for OpenCL, and runs it, each for at most 120 s. Its
+    /// output, with the registers and spills of the kernel where the compiler prints them, or why it
+    /// was not run; `None` without a launcher.
+    ///
+    /// # Errors
+    /// [`BuildError`]: some bit is another, it takes too long, or was cancelled.
+    pub fn launched(&self, folder: &Path, cancel: &Cancel) -> Result<Option<String>, BuildError> {
+        let Some(launcher) = &self.launcher else { return Ok(None) };
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let program = folder.join(format!("{}_launch", self.name));
+        let (compiler, flags) = match launcher.device {
+            Device::Cuda => (usual("NVCC", "nvcc"), &["-fmad=false", "-Xptxas", "-v"][..]),
+            Device::OpenCl => (usual("CC", "cc"), &["-std=c11", "-lOpenCL"][..]),
+        };
+        let [_, ending] = launcher.endings();
+        let from = folder.join(format!("{}{ending}", self.name));
+        let mut words = compiler.split_whitespace();
+        let mut command = Command::new(words.next().unwrap_or_default());
+        command.args(words).arg(from).arg("-o").arg(&program).args(flags);
+        let mut text = String::new();
+        match run(&mut command, &compiler, COMPILE, cancel) {
+            Ok(built) if built.is_success => {
+                let is_size = |line: &&str| line.contains("registers") || line.contains("spill");
+                let lines = built.words.lines().filter(is_size);
+                lines.for_each(|line| text += &format!("{}\n", line.trim()));
+            }
+            Ok(failed) => {
+                let why = first_line(&failed.words);
+                return Ok(Some(format!("not run: {compiler}: {why}")));
+            }
+            Err(BuildError::Cancelled) => return Err(BuildError::Cancelled),
+            Err(error) => return Ok(Some(format!("not run: {error}"))),
+        }
+        let name = program.display().to_string();
+        let ended = run(Command::new(&program).current_dir(folder), &name, COMPILE, cancel)?;
+        match ended.code {
+            Some(0) => Ok(Some(text + &ended.words)),
+            Some(2) => Ok(Some(text + "not run: " + &ended.words)),
+            _ => Err(BuildError::Failed { program: name, words: ended.words }),
+        }
+    }
+}
+
+fn first_line(words: &str) -> String {
     words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
 /// The command of a compiler: this variable, or `program` where it is unset or empty.
-pub(crate) fn usual(variable: &str, program: &str) -> String {
+fn usual(variable: &str, program: &str) -> String {
     let command = std::env::var(variable).ok().filter(|command| !command.trim().is_empty());
     command.unwrap_or_else(|| program.to_owned())
 }
