@@ -100,18 +100,8 @@ impl Compiler {
     }
 
     /// Builds the files that [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A
-    /// program that takes more than 120 s is ended.
+    /// program that takes more than 120 s is ended, and as soon as it is cancelled.
     pub fn build(
-        &self,
-        source: &Source,
-        folder: &Path,
-        flags: &[&str],
-    ) -> Result<Built, BuildError> {
-        self.build_unless(source, folder, flags, &Cancel::default())
-    }
-
-    /// As above, but ends as soon as it is cancelled.
-    pub fn build_unless(
         &self,
         source: &Source,
         folder: &Path,
@@ -165,13 +155,8 @@ impl Built {
         NativeKernel::load(&ObjectFile::read_built(&self.library)?, model, plan)
     }
 
-    /// Runs the test program, for at most 120 s, and returns its output.
-    pub fn test(&self) -> Result<String, BuildError> {
-        self.test_unless(&Cancel::default())
-    }
-
-    /// As above, but ends as soon as it is cancelled.
-    pub fn test_unless(&self, cancel: &Cancel) -> Result<String, BuildError> {
+    /// Runs the test program, for at most 120 s and until it is cancelled, and returns its output.
+    pub fn test(&self, cancel: &Cancel) -> Result<String, BuildError> {
         finished(&mut Command::new(&self.test), &self.test.display().to_string(), cancel)
     }
 }

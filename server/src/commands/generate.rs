@@ -157,11 +157,10 @@ impl Generate {
         stage.store(1, Relaxed);
         generated.test = source.launched(&self.out, cancel).map_err(Failure::finding)?;
         let Some(found) = Compiler::found_unless(cancel) else { return Ok(generated) };
-        let built =
-            found.build_unless(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
+        let built = found.build(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
         stage.store(2, Relaxed);
         // a process of its own runs the object first
-        let test = built.test_unless(cancel).map_err(Failure::finding)?;
+        let test = built.test(cancel).map_err(Failure::finding)?;
         generated.test =
             Some(generated.test.into_iter().chain([test]).collect::<Vec<_>>().join("\n"));
         // as `serve --kernel` does: the few states of the test are for other machines

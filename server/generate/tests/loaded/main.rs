@@ -73,7 +73,11 @@ fn built(
     let mut source = Source::new(&Kernel::trace(model, plan).unwrap(), model, "elbow");
     source.function = change(source.function);
     Compiler::write(&source, folder).unwrap();
-    let path = Compiler::found().unwrap().build(&source, folder, flags).unwrap().library;
+    let path = Compiler::found()
+        .unwrap()
+        .build(&source, folder, flags, &Cancel::default())
+        .unwrap()
+        .library;
     fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
     path
 }
