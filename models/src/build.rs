@@ -1,5 +1,7 @@
 //! Builds the [`Description`] from checked files, and maps its parts back to their positions.
 
+use std::collections::BTreeSet;
+
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
     SubmechanismKind as Kind, Terms,
@@ -180,6 +182,23 @@ fn limits(entry: &JointEntry) -> Option<Limits> {
         }
         _ => None,
     }
+}
+
+/// Joints that move together, and the cuts between them.
+pub(crate) type Tied<C> = (BTreeSet<usize>, Vec<C>);
+
+/// Adds a group, joined with those that have a joint of it.
+pub(crate) fn tie<C>(groups: &mut Vec<Tied<C>>, mut group: Tied<C>) {
+    let (joined, others): (Vec<Tied<C>>, Vec<Tied<C>>) =
+        groups.drain(..).partition(|(known, _)| !known.is_disjoint(&group.0));
+    let mut cuts = Vec::new();
+    for (joints, of) in joined {
+        group.0.extend(joints);
+        cuts.extend(of);
+    }
+    group.1.splice(0..0, cuts);
+    *groups = others;
+    groups.push(group);
 }
 
 /// Joints as a submechanism of this kind, of which none is independent yet.

@@ -31,6 +31,7 @@ pub struct Suggestion {
 }
 
 /// One submechanism of the new file.
+#[derive(Default)]
 struct Draft {
     name: String,
     type_name: String,
@@ -207,12 +208,10 @@ fn add_tied(drafts: &mut Vec<Draft>, urdf: &Urdf) {
             drafts.push(Draft {
                 name: closing.name.clone(),
                 type_name: "NUMERICAL".to_owned(),
-                independent: Vec::new(),
                 active: names.iter().filter(actuated).cloned().collect(),
                 tree: names,
-                file_path: None,
-                loops: Vec::new(),
                 is_tied: true,
+                ..Draft::default()
             });
         }
     }
@@ -241,9 +240,7 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
         tree: names(&rest),
         independent: names(&free),
         active: names(&free.into_iter().filter(is_single).collect::<Vec<_>>()),
-        file_path: None,
-        loops: Vec::new(),
-        is_tied: false,
+        ..Draft::default()
     });
 }
 

@@ -10,7 +10,7 @@ use sarrus_dynamics::description::{
 
 use super::body::{Joint, Kind, Tree};
 use super::equality::Cut;
-use crate::build;
+use crate::build::{self, Tied, tie};
 use crate::pose::{Pose, minus};
 
 /// Links and joints in the order of the file, each joint of the model with its index there.
@@ -128,28 +128,11 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
     of
 }
 
-/// Joints that move together, and the cuts between them.
-type Group<'a> = (BTreeSet<usize>, Vec<&'a Cut>);
-
-/// Adds a group, joined with those that have a joint of it.
-fn tie<'a>(groups: &mut Vec<Group<'a>>, mut group: Group<'a>) {
-    let (joined, others): (Vec<Group<'a>>, Vec<Group<'a>>) =
-        groups.drain(..).partition(|(known, _)| !known.is_disjoint(&group.0));
-    let mut cuts = Vec::new();
-    for (joints, of) in joined {
-        group.0.extend(joints);
-        cuts.extend(of);
-    }
-    group.1.splice(0..0, cuts);
-    *groups = others;
-    groups.push(group);
-}
-
 /// Joints that cuts and couplings tie are together, all others serial, in the order of the file.
 fn submechanisms(name: &str, of: &Writer<'_>, places: &[usize], cuts: &[Cut]) -> Vec<Submechanism> {
     let tree = of.tree;
     let moves = |j: &usize| tree.joints.get(*j).is_some_and(|joint| joint.held.is_none());
-    let mut groups: Vec<Group<'_>> = Vec::new();
+    let mut groups: Vec<Tied<&Cut>> = Vec::new();
     for (j, joint) in tree.joints.iter().enumerate() {
         if let Some((terms, _)) = &joint.coupling {
             let masters = terms.iter().filter_map(|(name, _)| tree.joint(name));

@@ -11,7 +11,7 @@ use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::rows::rows;
 use crate::c::table::{Table, Value};
-use crate::c::{FLAGS, arithmetic, fused, term};
+use crate::c::{FLAGS, expression, fused, term};
 use crate::graph::{Operation, Term};
 use crate::pair::{Pairs, Step};
 use crate::{Kernel, Manifest};
@@ -250,18 +250,12 @@ impl Body<'_> {
             self.line(format!("const double v{at} = {name}{place};"));
             return;
         }
-        let n = |x| self.number(x);
+        let names = ["fma", "sqrt", "fabs", "sarrus_atan2"];
         let value = match operation {
-            Input(k) => format!("in[{k}]"),
-            Fused(a, b, c) => format!("fma({}, {}, {})", n(a), n(b), n(c)),
-            Root(x) => format!("sqrt({})", n(x)),
-            Absolute(x) => format!("fabs({})", n(x)),
-            Angle(y, x) => format!("sarrus_atan2({}, {})", n(y), n(x)),
-            Select(x, y, a, b) => format!("{} < {} ? {} : {}", n(x), n(y), n(a), n(b)),
-            Add(..) | Multiply(..) | Divide(..) => arithmetic(&operation, n).unwrap_or_default(),
-            Sine(_) | Cosine(_) => return,
+            Input(k) => Some(format!("in[{k}]")),
+            _ => expression(&operation, |x| self.number(x), names),
         };
-        self.line(format!("const double v{at} = {value};"));
+        self.line(format!("const double v{at} = {};", value.unwrap_or_default()));
     }
 
     /// One operation on a pair of numbers.

@@ -125,14 +125,24 @@ fn number_of_rows(x: Term) -> String {
     }
 }
 
-/// A sum, a product or a quotient, which look alike for one number and for several.
-pub(crate) fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
+/// An operation as an expression of a language, with its names of four functions; none of inputs,
+/// sines and cosines.
+pub(crate) fn expression(
+    operation: &Operation,
+    n: impl Fn(Term) -> String,
+    [fused, root, absolute, angle]: [&str; 4],
+) -> Option<String> {
     Some(match *operation {
         Operation::Add(a, b) if b.is_negated() => format!("{} - {}", n(a), n(b.negated())),
         Operation::Add(a, b) => format!("{} + {}", n(a), n(b)),
         Operation::Multiply(a, b) => format!("{} * {}", n(a), n(b)),
         Operation::Divide(a, b) => format!("{} / {}", n(a), n(b)),
-        _ => return None,
+        Operation::Fused(a, b, c) => format!("{fused}({}, {}, {})", n(a), n(b), n(c)),
+        Operation::Root(x) => format!("{root}({})", n(x)),
+        Operation::Absolute(x) => format!("{absolute}({})", n(x)),
+        Operation::Angle(y, x) => format!("{angle}({}, {})", n(y), n(x)),
+        Operation::Select(x, y, a, b) => format!("{} < {} ? {} : {}", n(x), n(y), n(a), n(b)),
+        Operation::Input(_) | Operation::Sine(_) | Operation::Cosine(_) => return None,
     })
 }
 

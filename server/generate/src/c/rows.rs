@@ -9,7 +9,7 @@ use crate::Kernel;
 use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::watches::Watches;
-use crate::c::{arithmetic, fused, number_of_rows};
+use crate::c::{expression, fused, number_of_rows};
 use crate::graph::{Operation, Term};
 
 /// The function for rows with its helpers, where the compiler has vectors and rows are requested.
@@ -135,14 +135,11 @@ impl Body<'_> {
         let mut lines = Vec::new();
         let value = match *operation {
             Input(k) => return self.input(k),
-            Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, n).unwrap_or_default(),
             Fused(a, b, c) => {
                 let name = fused(a.is_negated() != b.is_negated(), c.is_negated());
                 let [a, b, c] = [a, b, c].map(|x| n(x.unsigned()));
                 format!("sarrus_{name}({a}, {b}, {c})")
             }
-            Root(x) => format!("sarrus_root({})", n(x)),
-            Absolute(x) => format!("sarrus_absolute({})", n(x)),
             Sine(x) | Cosine(x) => {
                 let of = x.at().unwrap_or_default();
                 if self.angles.insert(x) {
@@ -152,9 +149,12 @@ impl Body<'_> {
                 let name = if matches!(operation, Sine(_)) { "s" } else { "c" };
                 format!("{name}{of}")
             }
-            Angle(y, x) => format!("sarrus_atan2_rows({}, {})", n(y), n(x)),
             Select(x, y, a, b) => {
                 format!("sarrus_choose_rows({} < {}, {}, {})", n(x), n(y), n(a), n(b))
+            }
+            _ => {
+                let names = ["", "sarrus_root", "sarrus_absolute", "sarrus_atan2_rows"];
+                expression(operation, n, names).unwrap_or_default()
             }
         };
         lines.push(format!("const sarrus_rows v{at} = {value};"));

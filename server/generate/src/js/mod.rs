@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use sarrus_dynamics::{Layout, Model};
 
-use crate::c::{arithmetic, identifier, names, request};
+use crate::c::{expression, identifier, names, request};
 use crate::compiler::write_all;
 use crate::error::BuildError;
 use crate::graph::{Operation, Term};
@@ -287,9 +287,6 @@ fn statements(at: usize, operation: &Operation, angles: &mut HashMap<Term, usize
     let mut lines = Vec::new();
     let value = match *operation {
         Input(k) => format!("given[{k}]"),
-        Fused(a, b, c) => format!("fma({}, {}, {})", number(a), number(b), number(c)),
-        Root(x) => format!("Math.sqrt({})", number(x)),
-        Absolute(x) => format!("Math.abs({})", number(x)),
         Sine(x) | Cosine(x) => {
             let of = *angles.entry(x).or_insert_with(|| {
                 lines.push(format!("sin_cos({});", number(x)));
@@ -298,11 +295,10 @@ fn statements(at: usize, operation: &Operation, angles: &mut HashMap<Term, usize
             });
             format!("{}{of}", if matches!(operation, Sine(_)) { "s" } else { "c" })
         }
-        Angle(y, x) => format!("atan2({}, {})", number(y), number(x)),
-        Select(x, y, a, b) => {
-            format!("{} < {} ? {} : {}", number(x), number(y), number(a), number(b))
+        _ => {
+            let names = ["fma", "Math.sqrt", "Math.abs", "atan2"];
+            expression(operation, number, names).unwrap_or_default()
         }
-        Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, number).unwrap_or_default(),
     };
     lines.push(format!("const v{at} = {value};"));
     lines
