@@ -162,10 +162,10 @@ impl Built {
 }
 
 impl Source {
-    /// Builds the launcher that [`Compiler::write`] wrote, with the compiler
-    /// `NVCC`, or `nvcc`, for CUDA and with `CC` for OpenCL, and runs it, each for at most 120 s. Its
-    /// output, with the registers and spills of the kernel where the compiler prints them, or why it
-    /// was not run; `None` without a launcher.
+    /// Builds the launcher that [`Compiler::write`] wrote, with the compiler `NVCC`, or `nvcc`, for
+    /// CUDA and with `CC` for OpenCL, and runs it, each for at most 120 s. Its output, with the
+    /// registers and spills of the kernel where the compiler prints them, or why it was not run;
+    /// `None` without a launcher.
     ///
     /// # Errors
     /// [`BuildError`]: some bit is another, it takes too long, or was cancelled.
