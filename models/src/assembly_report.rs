@@ -2,12 +2,12 @@
 
 use sarrus_dynamics::description::Placement;
 use sarrus_dynamics::{AssembleError, Assembled};
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde::{Serialize, Serializer};
 
 use crate::rewrite::NewZero;
 
 /// The result of an assembly.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct AssemblyReport {
     /// The reason why there is no closed pose; `q` is then the nearest one found.
@@ -54,7 +54,7 @@ pub struct Moved {
 }
 
 /// Numbers to write into the files.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NewPlacements {
     /// Origins of joints, by name.
@@ -80,16 +80,13 @@ fn by_name<S: Serializer>(q: &[Moved], serializer: S) -> Result<S::Ok, S::Error>
 }
 
 fn placements<S: Serializer>(of: &[(String, Placement)], serializer: S) -> Result<S::Ok, S::Error> {
-    struct Written<'a>(&'a Placement);
-    impl Serialize for Written<'_> {
-        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-            let mut map = serializer.serialize_map(Some(2))?;
-            map.serialize_entry("xyz", &self.0.xyz)?;
-            map.serialize_entry("rpy", &self.0.rpy)?;
-            map.end()
-        }
+    #[derive(Serialize)]
+    struct Written {
+        xyz: [f64; 3],
+        rpy: [f64; 3],
     }
-    serializer.collect_map(of.iter().map(|(name, placement)| (name, Written(placement))))
+    let written = |of: &Placement| Written { xyz: of.xyz, rpy: of.rpy };
+    serializer.collect_map(of.iter().map(|(name, placement)| (name, written(placement))))
 }
 
 impl AssemblyReport {
@@ -115,25 +112,20 @@ impl AssemblyReport {
             ) => Assembled { q: nearest, residual, ..none },
             Err(_) => none,
         };
-        let moved = names.iter().zip(near).zip(&found.q);
+        let moved = |((name, given), found): ((&String, &f64), &f64)| Moved {
+            name: name.clone(),
+            given: *given,
+            found: *found,
+        };
         AssemblyReport {
             error,
-            q: moved
-                .map(|((name, given), found)| Moved {
-                    name: name.clone(),
-                    given: *given,
-                    found: *found,
-                })
-                .collect(),
+            q: names.iter().zip(near).zip(&found.q).map(moved).collect(),
             residual: found.residual,
             residual_before: found.residual_before,
             distance: found.distance,
             iterations: found.iterations,
             branch: found.branch,
-            new_zero: NewPlacements::default(),
-            at_zero: NewPlacements::default(),
-            zero: None,
-            written: Vec::new(),
+            ..AssemblyReport::default()
         }
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use sarrus_dynamics::description::{
-    Description, Joint, JointKind, Link, Placement, Submechanism, SubmechanismKind, Terms,
+    Description, JointKind, Link, Placement, Submechanism, SubmechanismKind,
 };
 
-use crate::build::Spans;
+use crate::build::{self, Spans};
 use crate::names::there_is;
 use crate::report::{Diagnostics, quoted};
 
@@ -85,31 +85,11 @@ pub(crate) fn put(
         world.insert(0, '_');
     }
     let joint = description.joints.len();
-    description.joints.push(Joint {
-        name: NAME.to_owned(),
-        kind: JointKind::Floating,
-        parent: description.links.len(),
-        child: root,
-        origin: Placement::default(),
-        axis: [1.0, 0.0, 0.0],
-        limits: None,
-        coupling: None,
-        terms: Terms::default(),
-        motor: None,
-    });
+    let links = [description.links.len(), root];
+    let place = Placement::default();
+    description.joints.push(build::joint(NAME.to_owned(), JointKind::Floating, place, links));
     description.links.push(Link { name: world, inertial: None });
-    description.submechanisms.insert(
-        0,
-        Submechanism {
-            name: NAME.to_owned(),
-            kind: SubmechanismKind::Serial,
-            type_name: "SERIAL".to_owned(),
-            spanning_tree: vec![joint],
-            independent: vec![joint],
-            active: Vec::new(),
-            loops: Vec::new(),
-            closed_forms: true,
-        },
-    );
+    let part = build::group(NAME.to_owned(), SubmechanismKind::Serial, vec![joint]);
+    description.submechanisms.insert(0, Submechanism { independent: vec![joint], ..part });
     spans.put_first();
 }

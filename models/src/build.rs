@@ -1,12 +1,16 @@
 //! Builds the [`Description`] from checked files, and maps its parts back to their positions.
 
+use std::collections::BTreeSet;
+
 use sarrus_dynamics::description::{
     Coupling, Cut, Description, Joint, JointKind, Limits, Link, Loop, Placement, Row, Submechanism,
+    SubmechanismKind as Kind, Terms,
 };
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
 use crate::cut::CutKind;
 use crate::report::{Diagnostics, Span};
+use crate::submechanisms::kind::KNOWN;
 use crate::submechanisms::{
     Entry, EntryValues, LoopValues, PlacementValues, Submechanisms, kind_named,
 };
@@ -177,6 +181,59 @@ fn limits(entry: &JointEntry) -> Option<Limits> {
             Some(Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..limits })
         }
         _ => None,
+    }
+}
+
+/// Joints that move together, and the cuts between them.
+pub(crate) type Tied<C> = (BTreeSet<usize>, Vec<C>);
+
+/// Adds a group, joined with those that have a joint of it.
+pub(crate) fn tie<C>(groups: &mut Vec<Tied<C>>, mut group: Tied<C>) {
+    let (joined, others): (Vec<Tied<C>>, Vec<Tied<C>>) =
+        groups.drain(..).partition(|(known, _)| !known.is_disjoint(&group.0));
+    let mut cuts = Vec::new();
+    for (joints, of) in joined {
+        group.0.extend(joints);
+        cuts.extend(of);
+    }
+    group.1.splice(0..0, cuts);
+    *groups = others;
+    groups.push(group);
+}
+
+/// Joints as a submechanism of this kind, of which none is independent yet.
+pub(crate) fn group(name: String, kind: Kind, spanning_tree: Vec<usize>) -> Submechanism {
+    let known = KNOWN.iter().find(|known| known.kind == kind);
+    Submechanism {
+        name,
+        kind,
+        type_name: known.map_or("", |known| known.name).to_owned(),
+        spanning_tree,
+        independent: Vec::new(),
+        active: Vec::new(),
+        loops: Vec::new(),
+        closed_forms: true,
+    }
+}
+
+/// A joint of this kind at a place between two links, without limits and terms.
+pub(crate) fn joint(
+    name: String,
+    kind: JointKind,
+    origin: Placement,
+    [parent, child]: [usize; 2],
+) -> Joint {
+    Joint {
+        name,
+        kind,
+        parent,
+        child,
+        origin,
+        axis: [1.0, 0.0, 0.0],
+        limits: None,
+        coupling: None,
+        terms: Terms::default(),
+        motor: None,
     }
 }
 

@@ -115,6 +115,11 @@ impl Span {
     }
 }
 
+/// A part of a message.
+pub trait Word: Into<String> {}
+
+impl<T: Into<String>> Word for T {}
+
 /// Collects diagnostics while the files are read.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
@@ -150,43 +155,25 @@ impl Diagnostics {
     }
 
     /// Adds a fault.
-    pub fn error(
-        &mut self,
-        span: Span,
-        found: impl Into<String>,
-        expected: impl Into<String>,
-        help: impl Into<String>,
-    ) {
+    pub fn error(&mut self, span: Span, found: impl Word, expected: impl Word, help: impl Word) {
         let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());
         self.errors.push(span, diagnostic);
     }
 
     /// Adds a warning.
-    pub fn warning(
-        &mut self,
-        span: Span,
-        found: impl Into<String>,
-        expected: impl Into<String>,
-        help: impl Into<String>,
-    ) {
+    pub fn warning(&mut self, span: Span, found: impl Word, expected: impl Word, help: impl Word) {
         let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());
         self.warnings.push(span, diagnostic);
     }
 
     /// Adds a note, which expects nothing else.
-    pub fn note(&mut self, span: Span, found: impl Into<String>, help: impl Into<String>) {
+    pub fn note(&mut self, span: Span, found: impl Word, help: impl Word) {
         let diagnostic = self.diagnostic(span, found.into(), String::new(), help.into());
         self.notes.push(span, diagnostic);
     }
 
     /// A fault of the dynamics that still leaves a model: a warning when the caller is lenient.
-    pub fn dynamics(
-        &mut self,
-        span: Span,
-        found: impl Into<String>,
-        expected: impl Into<String>,
-        help: impl Into<String>,
-    ) {
+    pub fn dynamics(&mut self, span: Span, found: impl Word, expected: impl Word, help: impl Word) {
         if self.lenient {
             self.warning(span, found, expected, help);
         } else {
@@ -199,8 +186,8 @@ impl Diagnostics {
     pub(crate) fn unknown<'a>(
         &mut self,
         span: Span,
-        found: impl Into<String>,
-        expected: impl Into<String>,
+        found: impl Word,
+        expected: impl Word,
         name: &str,
         known: impl IntoIterator<Item = &'a str>,
         otherwise: &str,

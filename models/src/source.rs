@@ -82,11 +82,7 @@ pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError
 /// # Errors
 /// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
 pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let Some(contents) = contents(source, &mut diagnostics)? else {
-        return Err(LoadError::Faults(diagnostics.into_report()));
-    };
-    suggest_for(contents, options, false)
+    suggest_for(whole(source, options.lenient)?, options, false)
 }
 
 /// Reads a robot and closes it near a pose.
@@ -125,11 +121,7 @@ impl NewZero {
         options: &Options,
     ) -> Result<Result<Rewritten, String>, LoadError> {
         // a conversion that drops parts is refused where the robot is loaded
-        let mut diagnostics = Diagnostics::new(true);
-        match contents(source, &mut diagnostics)? {
-            Some(contents) => Ok(self.write_contents(&contents, options)),
-            None => Err(LoadError::Faults(diagnostics.into_report())),
-        }
+        Ok(self.write_contents(&whole(source, true)?, options))
     }
 }
 
@@ -140,13 +132,15 @@ impl NewZero {
 /// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
 pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
     // a conversion that drops parts is refused where the robot is loaded
-    let mut diagnostics = Diagnostics::new(true);
-    match contents(source, &mut diagnostics)? {
-        Some(Contents { urdf: (_, urdf), submechanisms, .. }) => {
-            Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
-        }
-        None => Err(LoadError::Faults(diagnostics.into_report())),
-    }
+    let Contents { urdf: (_, urdf), submechanisms, .. } = whole(source, true)?;
+    Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
+}
+
+/// The contents of a source that is converted without an error.
+fn whole(source: &Source, lenient: bool) -> Result<Contents, LoadError> {
+    let mut diagnostics = Diagnostics::new(lenient);
+    let contents = contents(source, &mut diagnostics)?;
+    contents.ok_or_else(|| LoadError::Faults(diagnostics.into_report()))
 }
 
 pub(crate) fn contents(

@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use sarrus_dynamics::description::{Description, Joint, JointKind, Submechanism, SubmechanismKind};
 use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_independents};
 
+use crate::build;
 use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::load::{Options, load_contents, urdf_alone};
@@ -30,6 +31,7 @@ pub struct Suggestion {
 }
 
 /// One submechanism of the new file.
+#[derive(Default)]
 struct Draft {
     name: String,
     type_name: String,
@@ -206,12 +208,10 @@ fn add_tied(drafts: &mut Vec<Draft>, urdf: &Urdf) {
             drafts.push(Draft {
                 name: closing.name.clone(),
                 type_name: "NUMERICAL".to_owned(),
-                independent: Vec::new(),
                 active: names.iter().filter(actuated).cloned().collect(),
                 tree: names,
-                file_path: None,
-                loops: Vec::new(),
                 is_tied: true,
+                ..Draft::default()
             });
         }
     }
@@ -240,9 +240,7 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
         tree: names(&rest),
         independent: names(&free),
         active: names(&free.into_iter().filter(is_single).collect::<Vec<_>>()),
-        file_path: None,
-        loops: Vec::new(),
-        is_tied: false,
+        ..Draft::default()
     });
 }
 
@@ -286,16 +284,8 @@ impl Draft {
         if spanning_tree.len() != 3 || is_free {
             return None;
         }
-        let submechanism = Submechanism {
-            name: self.name.clone(),
-            kind: SubmechanismKind::Numerical,
-            type_name: self.type_name.clone(),
-            spanning_tree,
-            independent: Vec::new(),
-            active: Vec::new(),
-            loops: Vec::new(),
-            closed_forms: true,
-        };
+        let part = build::group(self.name.clone(), SubmechanismKind::Numerical, spanning_tree);
+        let submechanism = Submechanism { type_name: self.type_name.clone(), ..part };
         let (fitting, order) = fitting_types(robot, &submechanism).into_iter().next()?;
         let tree = order.iter().map(|j| robot.joints[*j].name.clone()).collect();
         let is_given = self.known().is_some_and(|known| {

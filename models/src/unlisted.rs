@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::{Site, closing_placements};
 
-use crate::build::Spans;
+use crate::build::{self, Spans, Tied, tie};
 use crate::report::{Diagnostics, quoted};
 use crate::rotation::{between, product, quaternion, rotated, rpy};
 use crate::submechanisms::MOST_ROWS;
@@ -18,12 +18,6 @@ const UNLISTED: &str = "unlisted";
 
 /// Angle between the axes of a loop that a file's rounding explains `[rad]`.
 const OPEN: f64 = 1e-6;
-
-/// Joints that loops of the URDF tie together, with the cuts of these loops.
-struct Group<'a> {
-    joints: BTreeSet<usize>,
-    cuts: Vec<(&'a Closing, Loop)>,
-}
 
 /// Puts the loops of the URDF into the submechanisms that own their joints, or into a new one, and
 /// the remaining moving joints into a last one.
@@ -38,7 +32,7 @@ pub(crate) fn complete(
     for (s, part) in description.submechanisms.iter().enumerate() {
         part.spanning_tree.iter().for_each(|j| owner[*j] = Some(s));
     }
-    let mut groups: Vec<Group<'_>> = Vec::new();
+    let mut groups: Vec<Tied<(&Closing, Loop)>> = Vec::new();
     let above = urdf.above();
     // the submechanism and loop of each closing that lies on its predecessor alone
     let mut open: Vec<(usize, usize, Place)> = Vec::new();
@@ -60,23 +54,14 @@ pub(crate) fn complete(
                 open.push((s, l, closing.place));
             }
         } else {
-            let mut group = Group { joints: path.into_iter().collect(), cuts: Vec::new() };
-            let (joined, others): (Vec<Group<'_>>, Vec<Group<'_>>) =
-                groups.into_iter().partition(|other| !other.joints.is_disjoint(&group.joints));
-            for other in joined {
-                group.joints.extend(other.joints);
-                group.cuts.extend(other.cuts);
-            }
-            group.cuts.push((closing, cut));
-            groups = others;
-            groups.push(group);
+            tie(&mut groups, (path.into_iter().collect(), vec![(closing, cut)]));
         }
     }
     for group in groups {
         let s = description.submechanisms.len();
         let Some(part) = tied(urdf, &group, description, diagnostics) else { continue };
-        spans.add(group.cuts.first().map_or(urdf.span, |(closing, _)| closing.span));
-        for (l, (closing, cut)) in group.cuts.iter().enumerate() {
+        spans.add(group.1.first().map_or(urdf.span, |(closing, _)| closing.span));
+        for (l, (closing, cut)) in group.1.iter().enumerate() {
             spans.add_loop(s, closing.span, cut.rows.len());
             open.push((s, l, closing.place));
         }
@@ -162,12 +147,12 @@ fn attach(
 /// them are independent, which is reported with the lines to write.
 fn tied(
     urdf: &Urdf,
-    group: &Group<'_>,
+    (joints, cuts): &Tied<(&Closing, Loop)>,
     description: &Description,
     diagnostics: &mut Diagnostics,
 ) -> Option<Submechanism> {
-    let (first, _) = group.cuts.first()?;
-    let tree: Vec<usize> = group.joints.iter().copied().collect();
+    let (first, _) = cuts.first()?;
+    let tree: Vec<usize> = joints.iter().copied().collect();
     let joint = |j: &usize| urdf.joints.get(*j);
     let free = |j: &&usize| joint(j).is_some_and(|joint| joint.masters.is_empty());
     let is = |is_true: bool| {
@@ -205,16 +190,10 @@ fn tied(
             return None;
         }
     };
-    Some(Submechanism {
-        name: unique(&first.name, &description.submechanisms),
-        kind: SubmechanismKind::Numerical,
-        type_name: "NUMERICAL".to_owned(),
-        loops: group.cuts.iter().map(|(_, cut)| cut.clone()).collect(),
-        spanning_tree: tree,
-        independent,
-        active,
-        closed_forms: true,
-    })
+    let name = unique(&first.name, &description.submechanisms);
+    let part = build::group(name, SubmechanismKind::Numerical, tree);
+    let loops = cuts.iter().map(|(_, cut)| cut.clone()).collect();
+    Some(Submechanism { loops, independent, active, ..part })
 }
 
 /// A loop as a cut; without the successor's placement if the URDF has none.
@@ -276,20 +255,11 @@ fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submec
     let is_single =
         |j: &usize| !matches!(joints[*j].kind, JointKind::Floating | JointKind::Spherical);
     let active = independent.iter().copied().filter(is_single).collect();
-    let (kind, type_name) = match independent.len() == moving.len() {
-        true => (SubmechanismKind::Serial, "SERIAL"),
-        false => (SubmechanismKind::Transmission, "TRANSMISSION"),
+    let kind = match independent.len() == moving.len() {
+        true => SubmechanismKind::Serial,
+        false => SubmechanismKind::Transmission,
     };
-    Submechanism {
-        name,
-        kind,
-        type_name: type_name.to_owned(),
-        spanning_tree: moving,
-        independent,
-        active,
-        loops: Vec::new(),
-        closed_forms: true,
-    }
+    Submechanism { independent, active, ..build::group(name, kind, moving) }
 }
 
 /// A name that no submechanism has yet.

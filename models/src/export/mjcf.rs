@@ -85,11 +85,7 @@ impl Bodies<'_, '_> {
     fn below(&mut self, link: usize, depth: usize) {
         for (j, joint) in self.out.robot.below(link) {
             if joint.kind == JointKind::Floating {
-                if !self.out.robot.stands(link) {
-                    let found = format!("the free joint {} on a moving link", quoted(&joint.name));
-                    let help = "write it as three sliders and a ball joint";
-                    self.out.lost(Site::Joint(j), found, "a free joint on the world", help);
-                }
+                self.out.check_free(j, joint);
                 continue;
             }
             self.body(joint.child, Pose::of(&joint.origin), Some(joint), depth);

@@ -23,6 +23,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
+use crate::build;
 use crate::error::LoadError;
 use crate::load::Loaded;
 use crate::pose::Pose;
@@ -103,16 +104,8 @@ pub fn as_tree(of: &Description) -> Description {
     let mut tree = of.clone();
     let all: Vec<usize> =
         of.submechanisms.iter().flat_map(|part| part.spanning_tree.clone()).collect();
-    tree.submechanisms = vec![Submechanism {
-        name: "tree".to_owned(),
-        kind: SubmechanismKind::Serial,
-        type_name: "SERIAL".to_owned(),
-        spanning_tree: all.clone(),
-        independent: all,
-        active: Vec::new(),
-        loops: Vec::new(),
-        closed_forms: true,
-    }];
+    let part = build::group("tree".to_owned(), SubmechanismKind::Serial, all.clone());
+    tree.submechanisms = vec![Submechanism { independent: all, ..part }];
     tree.joints.iter_mut().for_each(|joint| joint.coupling = None);
     tree
 }
@@ -208,6 +201,22 @@ impl Out<'_> {
         self.diagnostics.dynamics(self.at(site), found, expected, help);
     }
 
+    /// Reports a cut that the format lacks.
+    fn lost_cut(&mut self, (s, l): (usize, usize), of: &Loop, kind: cuts::Kind, expected: &str) {
+        let found = format!("the cut {} holds a {}", quoted(&of.name), kind.name());
+        let help = "write the joint of the cut into the tree, and cut a body by a weld";
+        self.lost(Site::Loop(s, l), found, expected, help);
+    }
+
+    /// Reports a free joint whose parent moves.
+    fn check_free(&mut self, j: usize, joint: &Joint) {
+        if !self.robot.stands(joint.parent) {
+            let found = format!("the free joint {} on a moving link", quoted(&joint.name));
+            let help = "write it as three sliders and a ball joint";
+            self.lost(Site::Joint(j), found, "a free joint on the world", help);
+        }
+    }
+
     fn note(&mut self, site: Site, found: String, help: &str) {
         self.diagnostics.note(self.at(site), found, help);
     }
@@ -264,10 +273,8 @@ impl Out<'_> {
                 }
                 let found = Tie::new((s, l), of, self.robot.places(of), &cut);
                 if found.is_empty() {
-                    let found = format!("the cut {} holds a {}", quoted(&of.name), cut.kind.name());
                     let expected = "a point, a point in a plane, a hinge or a weld";
-                    let help = "write the joint of the cut into the tree, and cut a body by a weld";
-                    self.lost(Site::Loop(s, l), found, expected, help);
+                    self.lost_cut((s, l), of, cut.kind, expected);
                 }
                 for mut tie in found {
                     while ties.iter().any(|other: &Tie| other.name == tie.name) {

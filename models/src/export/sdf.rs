@@ -87,10 +87,8 @@ fn of_loop(out: &mut Out<'_>, (s, l): (usize, usize), name: &str, of: &Loop) -> 
         Kind::Slide => "prismatic",
         Kind::Universal => "universal",
         Kind::Other => {
-            let found = format!("the cut {} holds a {}", quoted(&of.name), cut.kind.name());
             let expected = "ball, revolute, fixed, prismatic or universal";
-            let help = "write the joint of the cut into the tree, and cut a body by a weld";
-            out.lost(Site::Loop(s, l), found, expected, help);
+            out.lost_cut((s, l), of, cut.kind, expected);
             return String::new();
         }
     };
@@ -141,11 +139,7 @@ fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
         JointKind::Spherical => "ball",
         // a link without a joint is free
         JointKind::Floating => {
-            if !out.robot.stands(joint.parent) {
-                let found = format!("the free joint {} on a moving link", quoted(&joint.name));
-                let help = "write it as three sliders and a ball joint";
-                out.lost(Site::Joint(j), found, "a free joint on the world", help);
-            }
+            out.check_free(j, joint);
             return String::new();
         }
         _ => "revolute",

@@ -10,6 +10,7 @@ use sarrus_dynamics::description::{
 
 use super::body::{Joint, Kind, Tree};
 use super::equality::Cut;
+use crate::build::{self, Tied, tie};
 use crate::pose::{Pose, minus};
 
 /// Links and joints in the order of the file, each joint of the model with its index there.
@@ -85,26 +86,12 @@ impl Writer<'_> {
             if !is_there {
                 let child = self.link(&body.name, body.inertial);
                 let name = format!("{}/frame", body.name);
-                self.joints.push(plain(name, JointKind::Fixed, at, [parent, child]));
+                let links = [parent, child];
+                self.joints.push(build::joint(name, JointKind::Fixed, at.placement(), links));
                 parent = child;
             }
             self.bodies.push(parent);
         }
-    }
-}
-
-fn plain(name: String, kind: JointKind, at: Pose, [parent, child]: [usize; 2]) -> Written {
-    Written {
-        name,
-        kind,
-        parent,
-        child,
-        origin: at.placement(),
-        axis: [1.0, 0.0, 0.0],
-        limits: None,
-        coupling: None,
-        terms: Terms::default(),
-        motor: None,
     }
 }
 
@@ -122,7 +109,7 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
         (Some(at), _) => place.then(Pose::at(joint.axis.map(|x| x * at))),
         (None, _) => place,
     };
-    let mut of = plain(joint.name.clone(), kind, place, links);
+    let mut of = build::joint(joint.name.clone(), kind, place.placement(), links);
     let terms = joint.terms;
     if joint.kind == Kind::Ball {
         of.terms.damping = terms.damping;
@@ -141,28 +128,11 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
     of
 }
 
-/// Joints that move together, and the cuts between them.
-type Group<'a> = (BTreeSet<usize>, Vec<&'a Cut>);
-
-/// Adds a group, joined with those that have a joint of it.
-fn tie<'a>(groups: &mut Vec<Group<'a>>, mut group: Group<'a>) {
-    let (joined, others): (Vec<Group<'a>>, Vec<Group<'a>>) =
-        groups.drain(..).partition(|(known, _)| !known.is_disjoint(&group.0));
-    let mut cuts = Vec::new();
-    for (joints, of) in joined {
-        group.0.extend(joints);
-        cuts.extend(of);
-    }
-    group.1.splice(0..0, cuts);
-    *groups = others;
-    groups.push(group);
-}
-
 /// Joints that cuts and couplings tie are together, all others serial, in the order of the file.
 fn submechanisms(name: &str, of: &Writer<'_>, places: &[usize], cuts: &[Cut]) -> Vec<Submechanism> {
     let tree = of.tree;
     let moves = |j: &usize| tree.joints.get(*j).is_some_and(|joint| joint.held.is_none());
-    let mut groups: Vec<Group<'_>> = Vec::new();
+    let mut groups: Vec<Tied<&Cut>> = Vec::new();
     for (j, joint) in tree.joints.iter().enumerate() {
         if let Some((terms, _)) = &joint.coupling {
             let masters = terms.iter().filter_map(|(name, _)| tree.joint(name));
@@ -243,18 +213,8 @@ fn submechanism(
         }
     });
     Submechanism {
-        name,
-        kind,
-        type_name: match kind {
-            SubmechanismKind::Transmission => "TRANSMISSION",
-            SubmechanismKind::Serial => "SERIAL",
-            _ => "NUMERICAL",
-        }
-        .to_owned(),
-        spanning_tree: own().map(|(_, place)| place).collect(),
-        independent: Vec::new(),
         active: own().filter(|(joint, _)| joint.drive.is_some()).map(|(_, at)| at).collect(),
         loops: loops.collect(),
-        closed_forms: true,
+        ..build::group(name, kind, own().map(|(_, place)| place).collect())
     }
 }

@@ -121,42 +121,34 @@ pub(super) fn accepts(
     span: Span,
     diagnostics: &mut Diagnostics,
 ) -> bool {
-    let is_empty = terms.damping == 0.0 && terms.stiffness == 0.0 && terms.rotor_inertia == 0.0;
-    let is_empty = is_empty && terms.friction.coulomb == 0.0;
+    let is_damped_alone =
+        terms.stiffness == 0.0 && terms.rotor_inertia == 0.0 && terms.friction.coulomb == 0.0;
     let help = "remove it, or change the type of the joint";
-    match kind {
-        _ if is_empty => true,
+    let joint = quoted(joint);
+    let (found, expected) = match kind {
+        _ if is_damped_alone && terms.damping == 0.0 => return true,
         Some(JointKind::Fixed) => {
             let found = format!(
-                "the fixed joint {} has damping, a spring or a rotor, which is not read",
-                quoted(joint)
+                "the fixed joint {joint} has damping, a spring or a rotor, which is not read"
             );
             diagnostics.warning(span, found, "a joint that moves", help);
-            false
+            return false;
         }
         // damping is the same in all directions; a spring has no angle to measure
-        Some(JointKind::Spherical)
-            if terms.stiffness == 0.0
-                && terms.rotor_inertia == 0.0
-                && terms.friction.coulomb == 0.0 =>
-        {
-            true
-        }
+        Some(JointKind::Spherical) if is_damped_alone => return true,
         Some(JointKind::Spherical) => {
-            let found = format!("the ball joint {} has a spring or a rotor", quoted(joint));
-            diagnostics.error(span, found, "damping, or a joint of one freedom", help);
-            false
+            let found = format!("the ball joint {joint} has a spring or a rotor");
+            (found, "damping, or a joint of one freedom")
         }
         Some(JointKind::Floating) => {
-            let found = format!(
-                "the joint {} of several freedoms has damping, a spring or a rotor",
-                quoted(joint)
-            );
-            diagnostics.error(span, found, "a joint of one freedom", help);
-            false
+            let found =
+                format!("the joint {joint} of several freedoms has damping, a spring or a rotor");
+            (found, "a joint of one freedom")
         }
-        _ => true,
-    }
+        _ => return true,
+    };
+    diagnostics.error(span, found, expected, help);
+    false
 }
 
 /// Reports a rotor whose gear ratio is zero. A negative ratio is valid: its sign is that of the

@@ -9,7 +9,7 @@ use std::time::Duration;
 #[cfg(feature = "load")]
 use sarrus_dynamics::{Model, Plan};
 
-use crate::c::{FLAGS, Source};
+use crate::c::{Device, FLAGS, Source};
 use crate::error::BuildError;
 use crate::manifest::DEFINITION;
 use crate::run::{Cancel, run};
@@ -53,7 +53,7 @@ impl Compiler {
 
     /// As above, but gives no answer as soon as it is cancelled.
     pub fn found_unless(cancel: &Cancel) -> Option<Compiler> {
-        Compiler::named(&usual(), cancel).ok()
+        Compiler::named(&usual("CC", "cc"), cancel).ok()
     }
 
     /// The compiler that this command starts, once it has printed its version.
@@ -92,30 +92,16 @@ impl Compiler {
 
     /// Writes the files of a source into a folder, which is made where it is missing.
     pub fn write(source: &Source, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
-        let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
         let files = [(".c", &source.function), (".h", &source.header), ("_test.c", &source.test)];
-        let write = |(ending, text): (&str, &String)| {
-            let path = folder.join(format!("{}{ending}", source.name));
-            write_new(&path, text).map_err(|error| failed(&path, error))?;
-            Ok(path)
-        };
-        files.into_iter().map(write).collect()
+        let of_device = source.launcher.iter().flat_map(|launcher| {
+            launcher.endings().into_iter().zip([&launcher.kernel, &launcher.launch])
+        });
+        write_all(folder, &source.name, files.into_iter().chain(of_device))
     }
 
     /// Builds the files that [`Compiler::write`] wrote, with these flags besides [`FLAGS`]. A
-    /// program that takes more than 120 s is ended.
+    /// program that takes more than 120 s is ended, and as soon as it is cancelled.
     pub fn build(
-        &self,
-        source: &Source,
-        folder: &Path,
-        flags: &[&str],
-    ) -> Result<Built, BuildError> {
-        self.build_unless(source, folder, flags, &Cancel::default())
-    }
-
-    /// As above, but ends as soon as it is cancelled.
-    pub fn build_unless(
         &self,
         source: &Source,
         folder: &Path,
@@ -169,14 +155,54 @@ impl Built {
         NativeKernel::load(&ObjectFile::read_built(&self.library)?, model, plan)
     }
 
-    /// Runs the test program, for at most 120 s, and returns its output.
-    pub fn test(&self) -> Result<String, BuildError> {
-        self.test_unless(&Cancel::default())
-    }
-
-    /// As above, but ends as soon as it is cancelled.
-    pub fn test_unless(&self, cancel: &Cancel) -> Result<String, BuildError> {
+    /// Runs the test program, for at most 120 s and until it is cancelled, and returns its output.
+    pub fn test(&self, cancel: &Cancel) -> Result<String, BuildError> {
         finished(&mut Command::new(&self.test), &self.test.display().to_string(), cancel)
+    }
+}
+
+impl Source {
+    /// Builds the launcher that [`Compiler::write`] wrote, with the compiler `NVCC`, or `nvcc`, for
+    /// CUDA and with `CC` for OpenCL, and runs it, each for at most 120 s. Its output, with the
+    /// registers and spills of the kernel where the compiler prints them, or why it was not run;
+    /// `None` without a launcher.
+    ///
+    /// # Errors
+    /// [`BuildError`]: some bit is another, it takes too long, or was cancelled.
+    pub fn launched(&self, folder: &Path, cancel: &Cancel) -> Result<Option<String>, BuildError> {
+        let Some(launcher) = &self.launcher else { return Ok(None) };
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let program = folder.join(format!("{}_launch", self.name));
+        let (compiler, flags) = match launcher.device {
+            Device::Cuda => (usual("NVCC", "nvcc"), &["-fmad=false", "-Xptxas", "-v"][..]),
+            Device::OpenCl => (usual("CC", "cc"), &["-std=c11", "-lOpenCL"][..]),
+        };
+        let [_, ending] = launcher.endings();
+        let from = folder.join(format!("{}{ending}", self.name));
+        let mut words = compiler.split_whitespace();
+        let mut command = Command::new(words.next().unwrap_or_default());
+        command.args(words).arg(from).arg("-o").arg(&program).args(flags);
+        let mut text = String::new();
+        match run(&mut command, &compiler, COMPILE, cancel) {
+            Ok(built) if built.is_success => {
+                let is_size = |line: &&str| line.contains("registers") || line.contains("spill");
+                let lines = built.words.lines().filter(is_size);
+                lines.for_each(|line| text += &format!("{}\n", line.trim()));
+            }
+            Ok(failed) => {
+                let why = first_line(&failed.words);
+                return Ok(Some(format!("not run: {compiler}: {why}")));
+            }
+            Err(BuildError::Cancelled) => return Err(BuildError::Cancelled),
+            Err(error) => return Ok(Some(format!("not run: {error}"))),
+        }
+        let name = program.display().to_string();
+        let ended = run(Command::new(&program).current_dir(folder), &name, COMPILE, cancel)?;
+        match ended.code {
+            Some(0) => Ok(Some(text + &ended.words)),
+            Some(2) => Ok(Some(text + "not run: " + &ended.words)),
+            _ => Err(BuildError::Failed { program: name, words: ended.words }),
+        }
     }
 }
 
@@ -184,16 +210,16 @@ fn first_line(words: &str) -> String {
     words.lines().next().unwrap_or_default().trim().to_owned()
 }
 
-/// The command of the compiler: `CC`, or `cc` where that is unset or empty.
-fn usual() -> String {
-    let command = std::env::var("CC").ok().filter(|command| !command.trim().is_empty());
-    command.unwrap_or_else(|| "cc".to_owned())
+/// The command of a compiler: this variable, or `program` where it is unset or empty.
+fn usual(variable: &str, program: &str) -> String {
+    let command = std::env::var(variable).ok().filter(|command| !command.trim().is_empty());
+    command.unwrap_or_else(|| program.to_owned())
 }
 
 /// Why there is no compiler, in brackets; empty where there is one now.
 #[cfg(feature = "load")]
 pub(crate) fn why_not_found() -> String {
-    let found = Compiler::named(&usual(), &Cancel::default());
+    let found = Compiler::named(&usual("CC", "cc"), &Cancel::default());
     found.map_or_else(|why| format!(" (tried {why})"), |_| String::new())
 }
 
@@ -204,6 +230,23 @@ fn finished(command: &mut Command, name: &str, cancel: &Cancel) -> Result<String
         true => Ok(ended.words),
         false => Err(BuildError::Failed { program: name.to_owned(), words: ended.words }),
     }
+}
+
+/// Writes files of this name, with these endings, into a folder, which is made where it is missing;
+/// their paths.
+pub(crate) fn write_all<'a>(
+    folder: &Path,
+    name: &str,
+    files: impl IntoIterator<Item = (&'static str, &'a String)>,
+) -> Result<Vec<PathBuf>, BuildError> {
+    let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
+    let write = |(ending, text): (&str, &String)| {
+        let path = folder.join(format!("{name}{ending}"));
+        write_new(&path, text).map_err(|error| failed(&path, error))?;
+        Ok(path)
+    };
+    files.into_iter().map(write).collect()
 }
 
 /// Writes a file in place of any existing one: writing to a pipe would wait for a reader.

@@ -1,14 +1,14 @@
 //! The straight-line code of one query on one robot, before it becomes C.
 
 use sarrus_dynamics::scalar::Real;
-use sarrus_dynamics::{ModelInfo, Plan};
+use sarrus_dynamics::{Model, ModelInfo, Plan, Status, Workspace};
 
 use crate::graph::{Check, Operation, Term};
 use crate::lengths::Lengths;
 use crate::recorder::Limited;
 use crate::row::Row;
 
-/// The state of an answer of generated code.
+/// The state of an answer of generated code, by the number that a function returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The generic kernel's numbers to the bit; its status is `ok`, it has no warnings.
@@ -87,6 +87,25 @@ impl Kernel {
             x < limited.lower || x > limited.upper
         };
         if self.limited.iter().any(outside) { Outcome::LimitsExceeded } else { Outcome::Ok }
+    }
+}
+
+impl Kernel {
+    /// States with their answers for tests: the code that a function returns, its input, and the
+    /// numbers of the generic kernel.
+    pub(crate) fn answers(
+        &self,
+        model: &Model<f64>,
+    ) -> impl Iterator<Item = (usize, &[f64], Vec<f64>)> {
+        let mut workspace = Workspace::for_plans(model, [&self.plan]);
+        self.golden.iter().map(move |input| {
+            let mut output = vec![0.0; self.outputs()];
+            let code = self.evaluate(input, &mut output) as usize;
+            let given = &input[..self.plan.given().len()];
+            let answer = self.plan.run(model, &mut workspace, given, &mut output);
+            debug_assert!(answer.status == Status::Ok);
+            (code, &input[..], output)
+        })
     }
 }
 

@@ -7,7 +7,8 @@
 //! beforehand; its results are inputs. The C code ([`Source`]) needs only `math.h`, computes the
 //! common operations of equal parts of the robot in pairs, uses no memory and branches once, at its
 //! end. Where it answers, it gives the bits of [`sarrus_dynamics::Plan::run`]; where it cannot, it
-//! reports so, and the caller runs the plan. JavaScript ([`Script`]) does the same in a page.
+//! reports so, and the caller runs the plan. JavaScript ([`Script`]) does the same in a page. The
+//! C is CUDA and OpenCL C too, for kernels over batches of states ([`Source::of_device`]).
 //!
 //! With the feature `load` a program loads the shared objects that a compiler makes from it
 //! (`ObjectFile`, `NativeKernel`) and keeps them for the next time (`Cache`).
@@ -34,7 +35,7 @@ mod scalar;
 mod states;
 mod trace;
 
-pub use c::{FLAGS, Source};
+pub use c::{Device, FLAGS, Launcher, Source};
 pub use compiler::{Built, Compiler};
 pub use error::{BuildError, GenerateError};
 pub use js::{Script, sigma_min};

@@ -12,7 +12,7 @@ use crate::Kernel;
 /// The first line: a magic number and the revision of this text and of the C that is written. It
 /// is raised with every change of either, from the function's arguments to the conditions under
 /// which it answers; objects of another revision are refused, and made again where they are kept.
-pub(crate) const HEAD: &str = "sarrus kernel 5\n";
+pub(crate) const HEAD: &str = "sarrus kernel 6\n";
 /// The symbol of the text.
 pub(crate) const SYMBOL: &str = "sarrus_kernel";
 /// The definition under which the text is compiled.

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::Kernel;
 use crate::graph::{Check, Comparison, Term};
 use crate::recorder::Limited;
 
@@ -56,6 +57,19 @@ impl Measure {
     }
 }
 
+impl Measure {
+    /// As an expression of a language, with its names of two functions.
+    pub(crate) fn text(self, n: impl Fn(Term) -> String, [absolute, larger]: [&str; 2]) -> String {
+        match self {
+            Measure::Plain(a) => n(a),
+            Measure::Absolute(a) => format!("{absolute}({})", n(a)),
+            Measure::Difference(a, b) => format!("({} - {})", n(a), n(b)),
+            Measure::Distance(a, b) => format!("{absolute}({} - {})", n(a), n(b)),
+            Measure::Larger(a, b) => format!("{larger}({absolute}({}), {})", n(a), n(b)),
+        }
+    }
+}
+
 impl Row {
     /// The sign before a number belongs to its bounds.
     fn new(measure: Measure, lower: f64, upper: f64) -> Row {
@@ -66,11 +80,6 @@ impl Row {
             Measure::Absolute(a) => Row { measure: Measure::Absolute(a.unsigned()), lower, upper },
             _ => Row { measure, lower, upper },
         }
-    }
-
-    /// The row of a limit.
-    pub(crate) fn of_limit(limited: &Limited) -> Row {
-        Row::new(Measure::Plain(limited.x), limited.lower, limited.upper)
     }
 
     /// The row of a check. Where a comparison came out false, NaN also counts as out of the
@@ -112,7 +121,7 @@ impl Row {
     }
 
     /// Rows of one measure, merged into one.
-    pub(crate) fn merged(list: Vec<Row>) -> Vec<Row> {
+    fn merged(list: Vec<Row>) -> Vec<Row> {
         let mut places = HashMap::new();
         let mut rows: Vec<Row> = Vec::new();
         for row in list {
@@ -126,6 +135,13 @@ impl Row {
             }
         }
         rows
+    }
+
+    /// All limits.
+    pub(crate) fn limits(kernel: &Kernel) -> Vec<Row> {
+        let row =
+            |limited: &Limited| Row::new(Measure::Plain(limited.x), limited.lower, limited.upper);
+        Row::merged(kernel.limited.iter().map(row).collect())
     }
 
     /// All checks.

@@ -43,6 +43,7 @@ impl Cancel {
 pub(crate) struct Ended {
     /// Whether it reports success.
     pub is_success: bool,
+    pub code: Option<i32>,
     /// The beginning of its output.
     pub words: String,
 }
@@ -80,7 +81,7 @@ pub(crate) fn run(
                 if words.is_empty() && !status.success() {
                     words = status.to_string();
                 }
-                return Ok(Ended { is_success: status.success(), words });
+                return Ok(Ended { is_success: status.success(), code: status.code(), words });
             }
             None if cancel.is_cancelled() || start.elapsed() > most => {
                 group.end();

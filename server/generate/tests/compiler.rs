@@ -92,7 +92,7 @@ fn a_pipe_in_place_of_a_file_is_replaced() {
     assert!(made.unwrap().success());
     let text = || "int plain(void);\n".to_owned();
     let name = "plain".to_owned();
-    let source = Source { name, header: text(), function: text(), test: text() };
+    let source = Source { name, header: text(), function: text(), test: text(), launcher: None };
     let files = Compiler::write(&source, &folder).unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), text());
     assert_eq!((files.len(), fs::read_dir(&folder).unwrap().count()), (3, 3));

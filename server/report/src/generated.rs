@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sarrus_dynamics::{Model, Plan};
-use sarrus_generate::{Compiler, Kernel, NativeKernel, Source};
+use sarrus_generate::{Cancel, Compiler, Kernel, NativeKernel, Source};
 
 use self::case::Case;
 use crate::Outcome;
@@ -266,7 +266,7 @@ impl Generated {
         let build = |kernel: &Kernel, name: &str, flags: &[&str]| {
             let source = Source::new(kernel, model, name);
             Compiler::write(&source, &folder.0)?;
-            compiler.build(&source, &folder.0, flags)
+            compiler.build(&source, &folder.0, flags, &Cancel::default())
         };
         let checked = build(&traced, "checked", &[])?;
         let bare = build(&traced.unchecked(), "bare", &["-DSARRUS_PORTABLE", "-DSARRUS_SINGLE"])?;
@@ -282,7 +282,7 @@ impl Generated {
         let mut least = [f64::INFINITY; 2];
         for _ in 0..TURNS {
             for (least, program) in least.iter_mut().zip(&self.programs) {
-                let words = program.test()?;
+                let words = program.test(&Cancel::default())?;
                 let words = words.lines().next().unwrap_or_default();
                 let ns = words.rsplit("; ").next().and_then(|end| end.split(' ').next());
                 let ns: Option<f64> = ns.and_then(|ns| ns.parse().ok());

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use sarrus_client::describe;
 use sarrus_dynamics::Plan;
-use sarrus_generate::{BuildError, Cancel, Compiler, Kernel, NativeKernel, Script, Source};
+use sarrus_generate::{BuildError, Cancel, Compiler, Device, Kernel, NativeKernel, Script, Source};
 use sarrus_models::Loaded;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -44,10 +44,14 @@ enum Language {
     C,
     /// JavaScript, for a page or node.
     Js,
+    /// C11 that is CUDA too, with a kernel over batches and its launcher.
+    Cuda,
+    /// C11 that is OpenCL C too, with a kernel over batches and its launcher.
+    Opencl,
 }
 
 /// The generated files and their sizes.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Generated {
     files: Vec<PathBuf>,
     operations: usize,
@@ -56,7 +60,7 @@ struct Generated {
     compiler: Option<String>,
     /// The number of states on which the shared object gave the bits of the generic kernels.
     compared: Option<u64>,
-    /// The output of the test.
+    /// The output of the tests.
     test: Option<String>,
 }
 
@@ -126,51 +130,45 @@ impl Generate {
         let plan = Plan::new(model, &query).map_err(|error| no_query(error.to_string()))?;
         let kernel = Kernel::trace(model, &plan).map_err(Failure::finding)?;
         let name = format!("{}_{}", model.name(), request.name());
-        if self.language == Language::Js {
-            return self.script(&Script::new(&kernel, model, &name), &kernel, (stage, cancel));
-        }
-        let source = Source::new(&kernel, model, &name);
         let mut generated = Generated {
-            files: Compiler::write(&source, &self.out).map_err(Failure::start)?,
             operations: kernel.operations(),
             checks: kernel.checks(),
-            compiler: Some("not built".to_owned()),
-            compared: None,
-            test: None,
+            ..Generated::default()
         };
-        let Some(found) = Compiler::found_unless(cancel) else { return Ok(generated) };
+        let device = match self.language {
+            Language::Js => {
+                let script = Script::new(&kernel, model, &name);
+                generated.files = script.write(&self.out).map_err(Failure::start)?;
+                stage.store(2, Relaxed);
+                let test = script.test(&self.out, cancel).map_err(Failure::finding)?;
+                let absent = || "not run: node was not found".to_owned();
+                return Ok(Generated { test: Some(test.unwrap_or_else(absent)), ..generated });
+            }
+            Language::C => None,
+            Language::Cuda => Some(Device::Cuda),
+            Language::Opencl => Some(Device::OpenCl),
+        };
+        let source = match device {
+            Some(device) => Source::of_device(&kernel, model, &name, device),
+            None => Source::new(&kernel, model, &name),
+        };
+        generated.files = Compiler::write(&source, &self.out).map_err(Failure::start)?;
+        generated.compiler = Some("not built".to_owned());
         stage.store(1, Relaxed);
-        let built =
-            found.build_unless(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
+        generated.test = source.launched(&self.out, cancel).map_err(Failure::finding)?;
+        let Some(found) = Compiler::found_unless(cancel) else { return Ok(generated) };
+        let built = found.build(&source, &self.out, &[], cancel).map_err(Failure::finding)?;
         stage.store(2, Relaxed);
         // a process of its own runs the object first
-        generated.test = Some(built.test_unless(cancel).map_err(Failure::finding)?);
+        let test = built.test(cancel).map_err(Failure::finding)?;
+        generated.test =
+            Some(generated.test.into_iter().chain([test]).collect::<Vec<_>>().join("\n"));
         // as `serve --kernel` does: the few states of the test are for other machines
         built.load(model, &plan).map_err(Failure::finding)?;
         generated.compared = Some(NativeKernel::STATES);
         generated.files.extend([built.library, built.test]);
         generated.compiler = Some(found.name().to_owned());
         Ok(generated)
-    }
-
-    /// Writes a script and tests it where node is installed.
-    fn script(
-        &self,
-        script: &Script,
-        kernel: &Kernel,
-        (stage, cancel): (&AtomicUsize, &Cancel),
-    ) -> Result<Generated, Failure> {
-        let files = script.write(&self.out).map_err(Failure::start)?;
-        stage.store(2, Relaxed);
-        let test = script.test(&self.out, cancel).map_err(Failure::finding)?;
-        Ok(Generated {
-            files,
-            operations: kernel.operations(),
-            checks: kernel.checks(),
-            compiler: None,
-            compared: None,
-            test: Some(test.unwrap_or_else(|| "not run: node was not found".to_owned())),
-        })
     }
 }
 

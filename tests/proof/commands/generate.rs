@@ -44,3 +44,20 @@ fn what_has_no_straight_line_is_a_finding_and_a_bad_line_a_wrong_flag() {
         assert!(err.starts_with("sarrus generate: ") && err.contains(words), "{err}");
     }
 }
+
+#[test]
+fn kernels_for_devices_have_their_files_and_are_run_or_say_why_not() {
+    for (language, endings) in [("cuda", [".cu", "_launch.cu"]), ("opencl", [".cl", "_launch.c"])] {
+        let folder = Folder::new(&format!("generate_{language}"));
+        let out = folder.0.display().to_string();
+        let name = "lambda_inverse_dynamics";
+        let arguments = ["generate", "--robot", "lambda", "--query", LINE, "--language", language];
+        let run = run(&[&arguments[..], &["--out", &out]].concat(), b"");
+        assert_eq!((run.code, run.err.as_str()), (Some(0), ""));
+        for ending in [&[".c", ".h", "_test.c"][..], &endings].concat() {
+            assert!(folder.0.join(format!("{name}{ending}")).exists(), "{ending}");
+        }
+        let is_run = run.out.contains("lambda_inverse_dynamics_kernel: 16384 states, 0 left");
+        assert!(is_run || run.out.contains("not run: "), "{}", run.out);
+    }
+}

@@ -1,13 +1,37 @@
-#if defined(__GNUC__)
+#if defined(SARRUS_DEVICE)
+#define SARRUS_INLINE static inline SARRUS_DEVICE
+#define SARRUS_APART static SARRUS_DEVICE
+#define SARRUS_FUNCTION static SARRUS_DEVICE
+
+/* numbers of one state, which stand apart by the count of states */
+typedef struct {
+    SARRUS_GLOBAL const double *number;
+    size_t stride;
+} sarrus_in;
+typedef struct {
+    SARRUS_GLOBAL double *number;
+    size_t stride;
+} sarrus_out;
+#elif defined(__GNUC__)
 #define SARRUS_INLINE static inline __attribute__((unused))
-#define SARRUS_APART __attribute__((noinline))
+#define SARRUS_APART static __attribute__((noinline))
+#define SARRUS_FUNCTION
 #else
 #define SARRUS_INLINE static inline
-#define SARRUS_APART
+#define SARRUS_APART static
+#define SARRUS_FUNCTION
+#endif
+#if !defined(SARRUS_DEVICE)
+typedef const double *sarrus_in;
+typedef double *sarrus_out;
 #endif
 
 /* Sine, cosine and arc tangent: the operations of sarrus, one by one. */
 
+#if defined(__OPENCL_VERSION__)
+#define sarrus_bits(x) as_ulong(x)
+#define sarrus_number(bits) as_double(bits)
+#else
 SARRUS_INLINE uint64_t sarrus_bits(double x)
 {
     uint64_t bits;
@@ -21,6 +45,7 @@ SARRUS_INLINE double sarrus_number(uint64_t bits)
     memcpy(&x, &bits, sizeof x);
     return x;
 }
+#endif
 
 SARRUS_INLINE double sarrus_xor_sign(double x, uint64_t sign)
 {

@@ -13,7 +13,7 @@ const WORDS: [(&str, [&str; 2]); 10] = [
     ("CHOOSE(", ["sarrus_choose(", "sarrus_choose_rows("]),
     ("ABSOLUTE(", ["fabs(", "sarrus_absolute("]),
     ("XOR_SIGN(", ["sarrus_xor_sign(", "sarrus_xor_sign_rows("]),
-    ("BITS_OF(", ["sarrus_bits(", "(sarrus_lanes)("]),
+    ("BITS_OF(", ["sarrus_bits(", "sarrus_bits_rows("]),
     ("BITS", ["uint64_t", "sarrus_lanes"]),
 ];
 

@@ -11,10 +11,9 @@ use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::rows::rows;
 use crate::c::table::{Table, Value};
-use crate::c::{FLAGS, arithmetic, fused, term};
+use crate::c::{FLAGS, expression, fused, term};
 use crate::graph::{Operation, Term};
 use crate::pair::{Pairs, Step};
-use crate::row::Measure;
 use crate::{Kernel, Manifest};
 
 /// Numbers in a vector.
@@ -23,10 +22,11 @@ const LANES: usize = 4;
 const WORTH: usize = 3;
 
 /// The function of a kernel.
-pub(super) fn function(kernel: &Kernel, name: &str) -> String {
+pub(super) fn function(kernel: &Kernel, name: &str, is_for_devices: bool) -> String {
     let mut text =
         include_str!("head.c").replace("@NAME@", name).replace("@FLAGS@", &FLAGS.join(" "));
     text += include_str!("elementary.c");
+    text += "\n#if !defined(SARRUS_DEVICE)\n";
     text += &elementary(kernel, false);
     let pairs = Pairs::new(kernel);
     if pairs.steps.iter().any(|step| matches!(step, Step::Pair(..))) {
@@ -39,7 +39,8 @@ pub(super) fn function(kernel: &Kernel, name: &str) -> String {
     let lines = Vec::new();
     let statements = Body { kernel, pairs, lines, angles, late, follow, used }.statements();
     text += &statements.text(name);
-    text += &rows(kernel, name);
+    text += "#endif\n";
+    text += &rows(kernel, name, is_for_devices);
     text += &Manifest::of(kernel, name).c();
     text
 }
@@ -142,7 +143,8 @@ impl Body<'_> {
                 Value::Filling => (0, format!("{array}[{k}] = 0.0;")),
                 Value::One(measure) => {
                     let terms: Vec<Term> = terms(value).collect();
-                    (place(&terms), format!("{array}[{k}] = {};", self.measure(measure)))
+                    let text = measure.text(|x| self.number(x), ["fabs", "sarrus_larger"]);
+                    (place(&terms), format!("{array}[{k}] = {text};"))
                 }
                 Value::Pair(x, is_absolute) => {
                     let pair = format!("p{x}");
@@ -168,17 +170,6 @@ impl Body<'_> {
     fn stores_after(&mut self, place: usize) {
         for line in self.follow.remove(&place).unwrap_or_default() {
             self.line(line);
-        }
-    }
-
-    fn measure(&self, measure: Measure) -> String {
-        let n = |x| self.number(x);
-        match measure {
-            Measure::Plain(a) => n(a),
-            Measure::Absolute(a) => format!("fabs({})", n(a)),
-            Measure::Difference(a, b) => format!("{} - {}", n(a), n(b)),
-            Measure::Distance(a, b) => format!("fabs({} - {})", n(a), n(b)),
-            Measure::Larger(a, b) => format!("sarrus_larger(fabs({}), {})", n(a), n(b)),
         }
     }
 
@@ -259,18 +250,12 @@ impl Body<'_> {
             self.line(format!("const double v{at} = {name}{place};"));
             return;
         }
-        let n = |x| self.number(x);
+        let names = ["fma", "sqrt", "fabs", "sarrus_atan2"];
         let value = match operation {
-            Input(k) => format!("in[{k}]"),
-            Fused(a, b, c) => format!("fma({}, {}, {})", n(a), n(b), n(c)),
-            Root(x) => format!("sqrt({})", n(x)),
-            Absolute(x) => format!("fabs({})", n(x)),
-            Angle(y, x) => format!("sarrus_atan2({}, {})", n(y), n(x)),
-            Select(x, y, a, b) => format!("{} < {} ? {} : {}", n(x), n(y), n(a), n(b)),
-            Add(..) | Multiply(..) | Divide(..) => arithmetic(&operation, n).unwrap_or_default(),
-            Sine(_) | Cosine(_) => return,
+            Input(k) => Some(format!("in[{k}]")),
+            _ => expression(&operation, |x| self.number(x), names),
         };
-        self.line(format!("const double v{at} = {value};"));
+        self.line(format!("const double v{at} = {};", value.unwrap_or_default()));
     }
 
     /// One operation on a pair of numbers.

@@ -51,8 +51,10 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
          in[{upper}_ROWS][{upper}_INPUTS], out[{upper}_ROWS][{upper}_OUTPUTS]; returns bit k where \
          row k has no\n   answer and its numbers are none, bit k + {upper}_ROWS where it is \
          outside of its limits.\n   The symbol has the number: what was compiled for another one \
-         is not linked. */\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n#if \
-         defined(__AVX512F__)\n#define {upper}_ROWS 8\n#define {name}_rows {name}_rows8\n#else\n\
+         is not linked. On devices a kernel has one state. */\n#if defined(__OPENCL_VERSION__) || \
+         defined(__CUDACC__) || defined(__HIPCC__)\n#define {upper}_ROWS 1\n#elif \
+         defined(SARRUS_ROWS) && defined(__GNUC__)\n#if defined(__AVX512F__)\n#define \
+         {upper}_ROWS 8\n#define {name}_rows {name}_rows8\n#else\n\
          #define {upper}_ROWS 4\n#define {name}_rows {name}_rows4\n#endif\nint \
          {name}_rows(const double *in, double *out);\n#endif\n\n"
     );

@@ -1,5 +1,6 @@
 //! C11 of a kernel: the function, its header, a test with answers of the generic kernel.
 
+mod device;
 mod elementary;
 mod function;
 mod header;
@@ -9,6 +10,7 @@ mod table;
 mod test;
 mod watches;
 
+pub use device::{Device, Launcher};
 pub(crate) use header::{names, request};
 
 use sarrus_dynamics::Model;
@@ -17,7 +19,7 @@ use sarrus_proto::fnv1a_64;
 use crate::Kernel;
 use crate::graph::{Operation, Term};
 
-/// The three files of a kernel.
+/// The files of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     /// The name of the function, which the files have too.
@@ -28,17 +30,30 @@ pub struct Source {
     pub function: String,
     /// `NAME_test.c`: a program that ends with 0 where every answer has the generic kernel's bits.
     pub test: String,
+    /// Of devices.
+    pub launcher: Option<Launcher>,
 }
 
 impl Source {
     /// C for a kernel of this model under this name, of which only letters, digits and `_` are
     /// kept. Allocates.
     pub fn new(kernel: &Kernel, model: &Model<f64>, name: &str) -> Source {
+        Source::made(kernel, model, name, None)
+    }
+
+    /// As above with a launcher. The function for rows is in an order in which a device spills few
+    /// registers; on a processor it may take a seventh longer.
+    pub fn of_device(kernel: &Kernel, model: &Model<f64>, name: &str, device: Device) -> Source {
+        Source::made(kernel, model, name, Some(device))
+    }
+
+    fn made(kernel: &Kernel, model: &Model<f64>, name: &str, device: Option<Device>) -> Source {
         let name = identifier(name);
         Source {
             header: header::header(kernel, model, &name),
-            function: function::function(kernel, &name),
-            test: test::test(kernel, model, &name),
+            function: function::function(kernel, &name, device.is_some()),
+            test: test::filled(include_str!("test.c"), kernel, model, &name),
+            launcher: device.map(|device| Launcher::new(kernel, model, &name, device)),
             name,
         }
     }
@@ -110,14 +125,24 @@ fn number_of_rows(x: Term) -> String {
     }
 }
 
-/// A sum, a product or a quotient, which look alike for one number and for several.
-pub(crate) fn arithmetic(operation: &Operation, n: impl Fn(Term) -> String) -> Option<String> {
+/// An operation as an expression of a language, with its names of four functions; none of inputs,
+/// sines and cosines.
+pub(crate) fn expression(
+    operation: &Operation,
+    n: impl Fn(Term) -> String,
+    [fused, root, absolute, angle]: [&str; 4],
+) -> Option<String> {
     Some(match *operation {
         Operation::Add(a, b) if b.is_negated() => format!("{} - {}", n(a), n(b.negated())),
         Operation::Add(a, b) => format!("{} + {}", n(a), n(b)),
         Operation::Multiply(a, b) => format!("{} * {}", n(a), n(b)),
         Operation::Divide(a, b) => format!("{} / {}", n(a), n(b)),
-        _ => return None,
+        Operation::Fused(a, b, c) => format!("{fused}({}, {}, {})", n(a), n(b), n(c)),
+        Operation::Root(x) => format!("{root}({})", n(x)),
+        Operation::Absolute(x) => format!("{absolute}({})", n(x)),
+        Operation::Angle(y, x) => format!("{angle}({}, {})", n(y), n(x)),
+        Operation::Select(x, y, a, b) => format!("{} < {} ? {} : {}", n(x), n(y), n(a), n(b)),
+        Operation::Input(_) | Operation::Sine(_) | Operation::Cosine(_) => return None,
     })
 }
 

@@ -10,17 +10,17 @@ use std::collections::HashMap;
 const LONGEST: usize = 4_000;
 /// The arrays that parts share, beside those of numbers.
 const ARRAYS: [(&str, &str); 11] = [
-    ("in", "const double"),
-    ("out", "double"),
-    ("seen", "double"),
-    ("limited", "double"),
-    ("sine", "double"),
-    ("cosine", "double"),
-    ("left", "sarrus_lanes"),
-    ("beyond", "sarrus_lanes"),
-    ("squares", "sarrus_rows"),
-    ("most", "sarrus_rows"),
-    ("least", "sarrus_rows"),
+    ("in", "sarrus_in "),
+    ("out", "sarrus_out "),
+    ("seen", "double *"),
+    ("limited", "double *"),
+    ("sine", "double *"),
+    ("cosine", "double *"),
+    ("left", "sarrus_lanes *"),
+    ("beyond", "sarrus_lanes *"),
+    ("squares", "sarrus_rows *"),
+    ("most", "sarrus_rows *"),
+    ("least", "sarrus_rows *"),
 ];
 /// The types of numbers, and the arrays in which they wait.
 const KINDS: [(&str, &str); 3] =
@@ -53,7 +53,7 @@ impl Statements {
     pub(super) fn text(self, name: &str) -> String {
         let Statements { head, steps, tail } = self;
         let count = steps.iter().map(Vec::len).sum::<usize>().div_ceil(LONGEST).max(1);
-        let whole = format!("\nint {name}(const double *in, double *out)\n{{\n");
+        let whole = format!("\nSARRUS_FUNCTION int {name}(sarrus_in in, sarrus_out out)\n{{\n");
         if count == 1 {
             let lines = head.iter().chain(steps.iter().flatten()).chain(&tail);
             return format!("{whole}{}}}\n", lines.map(|line| indented(line)).collect::<String>());
@@ -74,7 +74,7 @@ impl Statements {
         };
         let arrays: Vec<(&str, &str)> = ARRAYS.into_iter().filter(|(name, _)| has(name)).collect();
         let mut text = format!("\n/* what the parts of {name} share */\nstruct {name}_shared {{\n");
-        arrays.iter().for_each(|(array, of)| text += &format!("    {of} *{array};\n"));
+        arrays.iter().for_each(|(array, of)| text += &format!("    {of}{array};\n"));
         for ((kind, array), size) in KINDS.into_iter().zip(sizes).filter(|(_, size)| *size > 0) {
             text += &format!("    {kind} {array}[{size}];\n");
         }
@@ -93,7 +93,7 @@ impl Statements {
             if !is_last {
                 for (array, of) in &arrays {
                     if lines.iter().flat_map(|line| words(line)).any(|word| word == *array) {
-                        part += &format!("    {of} *const {array} = all->{array};\n");
+                        part += &format!("    {of}const {array} = all->{array};\n");
                     }
                 }
             }
@@ -119,8 +119,7 @@ impl Statements {
                 main = part;
             } else {
                 let arguments = format!("(struct {name}_shared *all)");
-                text +=
-                    &format!("\nstatic SARRUS_APART void {name}_{k}{arguments}\n{{\n{part}}}\n");
+                text += &format!("\nSARRUS_APART void {name}_{k}{arguments}\n{{\n{part}}}\n");
             }
         }
         text += &whole;

@@ -1,9 +1,33 @@
 
+#if defined(SARRUS_DEVICE)
+/* One number of one state of a batch. */
+typedef double sarrus_rows;
+typedef uint64_t sarrus_lanes;
+
+#define SARRUS_NONE 0
+#define sarrus_same(a) (a)
+#define sarrus_root(x) sqrt(x)
+#define sarrus_fma(a, b, c) fma((a), (b), (c))
+#define sarrus_add_square(a, b) fma((a), (a), (b))
+#define sarrus_absolute(x) fabs(x)
+#define sarrus_choose_rows(first, a, b) sarrus_choose((first), (a), (b))
+#define sarrus_xor_sign_rows(x, sign) sarrus_xor_sign((x), (sign))
+#define sarrus_bits_rows(x) sarrus_bits(x)
+#define sarrus_bits_of(mask) ((int)((mask) & 1))
+#define sarrus_get(from, k, apart) ((from).number[(k) * (from).stride])
+#define sarrus_put(to, k, apart, x) ((to).number[(k) * (to).stride] = (x))
+#define sarrus_get_both(from, k, apart, a, b) \
+    (*(a) = sarrus_get(from, k, apart), *(b) = sarrus_get(from, (k) + 1, apart))
+#define sarrus_put_both(to, k, apart, a, b) \
+    (sarrus_put(to, k, apart, a), sarrus_put(to, (k) + 1, apart, b))
+#else
 #pragma GCC diagnostic ignored "-Wpsabi" /* no vector leaves this file */
 
 /* One number of several states: the same operations on each. */
 typedef double sarrus_rows __attribute__((vector_size(8 * SARRUS_LANES)));
 typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));
+
+#define SARRUS_NONE {0}
 
 #if defined(__AVX512F__) && !defined(SARRUS_PORTABLE)
 #include <immintrin.h>
@@ -26,10 +50,6 @@ typedef uint64_t sarrus_lanes __attribute__((vector_size(8 * SARRUS_LANES)));
 #define sarrus_fnma(a, b, c) ((sarrus_rows)_mm256_fnmadd_pd((a), (b), (c)))
 #define sarrus_fnms(a, b, c) ((sarrus_rows)_mm256_fnmsub_pd((a), (b), (c)))
 #else
-#define sarrus_fms(a, b, c) sarrus_fma((a), (b), -(c))
-#define sarrus_fnma(a, b, c) sarrus_fma(-(a), (b), (c))
-#define sarrus_fnms(a, b, c) sarrus_fma(-(a), (b), -(c))
-
 SARRUS_INLINE sarrus_rows sarrus_same(double a)
 {
     sarrus_rows x;
@@ -64,12 +84,7 @@ SARRUS_INLINE sarrus_rows sarrus_chosen(sarrus_lanes first, sarrus_rows a, sarru
 }
 
 #define sarrus_choose_rows(first, a, b) sarrus_chosen((sarrus_lanes)(first), (a), (b))
-
-/* b where one is no number */
-#ifndef sarrus_larger
-#define sarrus_larger(a, b) sarrus_choose_rows((a) > (b), (a), (b))
-#define sarrus_smaller(a, b) sarrus_choose_rows((a) < (b), (a), (b))
-#endif
+#define sarrus_bits_rows(x) ((sarrus_lanes)(x))
 
 /* of this no bit is asked */
 #if defined(__FMA__) && !defined(SARRUS_PORTABLE)
@@ -83,19 +98,19 @@ SARRUS_INLINE sarrus_rows sarrus_xor_sign_rows(sarrus_rows x, sarrus_lanes sign)
     return (sarrus_rows)((sarrus_lanes)x ^ (sign & UINT64_C(0x8000000000000000)));
 }
 
-/* a number of each row, rows being so many numbers apart */
-SARRUS_INLINE sarrus_rows sarrus_get(const double *from, int apart)
+/* number k of each row, rows being so many numbers apart */
+SARRUS_INLINE sarrus_rows sarrus_get(const double *from, int k, int apart)
 {
     sarrus_rows x;
-    for (int k = 0; k < SARRUS_LANES; k++)
-        x[k] = from[k * apart];
+    for (int row = 0; row < SARRUS_LANES; row++)
+        x[row] = from[k + row * apart];
     return x;
 }
 
-SARRUS_INLINE void sarrus_put(double *to, int apart, sarrus_rows x)
+SARRUS_INLINE void sarrus_put(double *to, int k, int apart, sarrus_rows x)
 {
-    for (int k = 0; k < SARRUS_LANES; k++)
-        to[k * apart] = x[k];
+    for (int row = 0; row < SARRUS_LANES; row++)
+        to[k + row * apart] = x[row];
 }
 
 /* two numbers of each row that stand side by side */
@@ -106,33 +121,37 @@ SARRUS_INLINE __m256d sarrus_halves(const double *first, const double *second)
     return _mm256_insertf128_pd(x, _mm_loadu_pd(second), 1);
 }
 
-SARRUS_INLINE void sarrus_get_both(const double *from, int apart, sarrus_rows *a, sarrus_rows *b)
+SARRUS_INLINE void sarrus_get_both(const double *from, int k, int apart, sarrus_rows *a,
+                                   sarrus_rows *b)
 {
+    from += k;
     const __m256d even = sarrus_halves(from, from + 2 * apart);
     const __m256d odd = sarrus_halves(from + apart, from + 3 * apart);
     *a = (sarrus_rows)_mm256_unpacklo_pd(even, odd);
     *b = (sarrus_rows)_mm256_unpackhi_pd(even, odd);
 }
 
-SARRUS_INLINE void sarrus_put_both(double *to, int apart, sarrus_rows a, sarrus_rows b)
+SARRUS_INLINE void sarrus_put_both(double *to, int k, int apart, sarrus_rows a, sarrus_rows b)
 {
     const __m256d even = _mm256_unpacklo_pd(a, b), odd = _mm256_unpackhi_pd(a, b);
+    to += k;
     _mm_storeu_pd(to, _mm256_castpd256_pd128(even));
     _mm_storeu_pd(to + apart, _mm256_castpd256_pd128(odd));
     _mm_storeu_pd(to + 2 * apart, _mm256_extractf128_pd(even, 1));
     _mm_storeu_pd(to + 3 * apart, _mm256_extractf128_pd(odd, 1));
 }
 #else
-SARRUS_INLINE void sarrus_get_both(const double *from, int apart, sarrus_rows *a, sarrus_rows *b)
+SARRUS_INLINE void sarrus_get_both(const double *from, int k, int apart, sarrus_rows *a,
+                                   sarrus_rows *b)
 {
-    *a = sarrus_get(from, apart);
-    *b = sarrus_get(from + 1, apart);
+    *a = sarrus_get(from, k, apart);
+    *b = sarrus_get(from, k + 1, apart);
 }
 
-SARRUS_INLINE void sarrus_put_both(double *to, int apart, sarrus_rows a, sarrus_rows b)
+SARRUS_INLINE void sarrus_put_both(double *to, int k, int apart, sarrus_rows a, sarrus_rows b)
 {
-    sarrus_put(to, apart, a);
-    sarrus_put(to + 1, apart, b);
+    sarrus_put(to, k, apart, a);
+    sarrus_put(to, k + 1, apart, b);
 }
 #endif
 
@@ -144,3 +163,16 @@ SARRUS_INLINE int sarrus_bits_of(sarrus_lanes mask)
         bits |= (int)(mask[k] & 1) << k;
     return bits;
 }
+#endif
+
+#ifndef sarrus_fms
+#define sarrus_fms(a, b, c) sarrus_fma((a), (b), -(c))
+#define sarrus_fnma(a, b, c) sarrus_fma(-(a), (b), (c))
+#define sarrus_fnms(a, b, c) sarrus_fma(-(a), (b), -(c))
+#endif
+
+/* b where one is no number */
+#ifndef sarrus_smaller
+#define sarrus_larger(a, b) sarrus_choose_rows((a) > (b), (a), (b))
+#define sarrus_smaller(a, b) sarrus_choose_rows((a) < (b), (a), (b))
+#endif

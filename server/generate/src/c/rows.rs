@@ -9,11 +9,11 @@ use crate::Kernel;
 use crate::c::elementary::elementary;
 use crate::c::parts::Statements;
 use crate::c::watches::Watches;
-use crate::c::{arithmetic, fused, number_of_rows};
+use crate::c::{expression, fused, number_of_rows};
 use crate::graph::{Operation, Term};
 
 /// The function for rows with its helpers, where the compiler has vectors and rows are requested.
-pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
+pub(super) fn rows(kernel: &Kernel, name: &str, is_for_devices: bool) -> String {
     // as many lanes as the header declares
     let mut text = format!("#define SARRUS_LANES {}_ROWS\n", name.to_ascii_uppercase());
     text += include_str!("rows.c");
@@ -23,14 +23,59 @@ pub(super) fn rows(kernel: &Kernel, name: &str) -> String {
         _ => None,
     };
     let inputs = kernel.operations.iter().enumerate().filter_map(input).collect();
-    let body = Body { kernel, angles: HashSet::new(), inputs };
+    let of_plan: Vec<u32> = (0..kernel.operations.len() as u32).collect();
+    let order = match is_for_devices {
+        true => [depth_first(kernel), of_plan].into_iter().min_by_key(|x| last_uses(kernel, x)),
+        false => Some(of_plan),
+    };
+    let order = order.unwrap_or_default();
+    let body = Body { kernel, order, angles: HashSet::new(), inputs };
     text += &body.statements().text(&format!("{name}_rows"));
-    format!("\n#if defined(SARRUS_ROWS) && defined(__GNUC__)\n{text}#endif\n")
+    format!("\n#if defined({}_ROWS)\n{text}#endif\n", name.to_ascii_uppercase())
+}
+
+/// The operations of each output in turn, each after its operands, the longest way to them first.
+fn depth_first(kernel: &Kernel) -> Vec<u32> {
+    let operands = |at: u32| kernel.operations[at as usize].operands().filter_map(Term::at);
+    let mut ways: Vec<u32> = Vec::new();
+    for at in 0..kernel.operations.len() as u32 {
+        ways.push(operands(at).map(|from| 1 + ways[from as usize]).max().unwrap_or(0));
+    }
+    let mut is_open = vec![true; ways.len()];
+    let mut order = Vec::new();
+    // operations that only checks need come last
+    let first = kernel.outputs.iter().filter_map(|x| x.at());
+    for root in first.chain(0..ways.len() as u32) {
+        let mut path = vec![root];
+        while let Some(at) = path.last().copied() {
+            let waiting = operands(at).filter(|from| is_open[*from as usize]);
+            if let Some(from) = waiting.max_by_key(|from| ways[*from as usize]) {
+                path.push(from);
+                continue;
+            }
+            path.pop();
+            if std::mem::take(&mut is_open[at as usize]) {
+                order.push(at);
+            }
+        }
+    }
+    order
+}
+
+/// The places of the last uses of all numbers in an order: the earlier, the fewer numbers wait.
+fn last_uses(kernel: &Kernel, order: &[u32]) -> usize {
+    let mut last = vec![0; order.len()];
+    for (place, at) in order.iter().enumerate() {
+        let operands = kernel.operations[*at as usize].operands();
+        operands.filter_map(Term::at).for_each(|from| last[from as usize] = place);
+    }
+    last.iter().sum()
 }
 
 /// The statements of the function.
 struct Body<'a> {
     kernel: &'a Kernel,
+    order: Vec<u32>,
     /// Angles that have their sine and cosine.
     angles: HashSet<Term>,
     /// The operations of inputs that are not read yet.
@@ -39,17 +84,24 @@ struct Body<'a> {
 
 impl Body<'_> {
     fn statements(mut self) -> Statements {
-        let head = ["sarrus_lanes left[1] = {{0}}, beyond[1] = {{0}};", "(void)in;", "(void)out;"];
+        let head = [
+            "sarrus_lanes left[1] = {SARRUS_NONE}, beyond[1] = {SARRUS_NONE};",
+            "(void)in;",
+            "(void)out;",
+        ];
         let mut head: Vec<String> = head.map(str::to_owned).into();
         let mut watches = Watches::new(self.kernel);
         head.append(&mut watches.head);
+        let order = std::mem::take(&mut self.order);
+        let mut places = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(place, at)| places[*at as usize] = place);
         // the checks of a number follow it
-        let mut follow: Vec<Vec<String>> = vec![Vec::new(); self.kernel.operations.len()];
+        let mut follow: Vec<Vec<String>> = vec![Vec::new(); order.len()];
         let mut after = |terms: [Option<Term>; 2], line: String| match terms
             .into_iter()
             .flatten()
             .filter_map(Term::at)
-            .max()
+            .max_by_key(|at| places[*at as usize])
         {
             Some(at) => follow[at as usize].push(line),
             None => head.push(line),
@@ -57,7 +109,7 @@ impl Body<'_> {
         watches.lines.into_iter().for_each(|(terms, line)| after(terms, line));
         let apart = self.kernel.outputs.len();
         for (k, some) in self.kernel.outputs.chunks(2).enumerate() {
-            let to = format!("out + {}, {apart}, {}", 2 * k, number_of_rows(some[0]));
+            let to = format!("out, {}, {apart}, {}", 2 * k, number_of_rows(some[0]));
             match some.get(1) {
                 Some(x) => after(
                     [Some(some[0]), Some(*x)],
@@ -67,8 +119,8 @@ impl Body<'_> {
             }
         }
         let mut steps = Vec::new();
-        for (at, operation) in self.kernel.operations.iter().enumerate() {
-            let mut lines = self.operation(at, operation);
+        for at in order.into_iter().map(|at| at as usize) {
+            let mut lines = self.operation(at, &self.kernel.operations[at]);
             lines.append(&mut follow[at]);
             steps.push(lines);
         }
@@ -83,14 +135,11 @@ impl Body<'_> {
         let mut lines = Vec::new();
         let value = match *operation {
             Input(k) => return self.input(k),
-            Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, n).unwrap_or_default(),
             Fused(a, b, c) => {
                 let name = fused(a.is_negated() != b.is_negated(), c.is_negated());
                 let [a, b, c] = [a, b, c].map(|x| n(x.unsigned()));
                 format!("sarrus_{name}({a}, {b}, {c})")
             }
-            Root(x) => format!("sarrus_root({})", n(x)),
-            Absolute(x) => format!("sarrus_absolute({})", n(x)),
             Sine(x) | Cosine(x) => {
                 let of = x.at().unwrap_or_default();
                 if self.angles.insert(x) {
@@ -100,9 +149,12 @@ impl Body<'_> {
                 let name = if matches!(operation, Sine(_)) { "s" } else { "c" };
                 format!("{name}{of}")
             }
-            Angle(y, x) => format!("sarrus_atan2_rows({}, {})", n(y), n(x)),
             Select(x, y, a, b) => {
                 format!("sarrus_choose_rows({} < {}, {}, {})", n(x), n(y), n(a), n(b))
+            }
+            _ => {
+                let names = ["", "sarrus_root", "sarrus_absolute", "sarrus_atan2_rows"];
+                expression(operation, n, names).unwrap_or_default()
             }
         };
         lines.push(format!("const sarrus_rows v{at} = {value};"));
@@ -116,10 +168,10 @@ impl Body<'_> {
         match [first, first + 1].map(|k| self.inputs.remove(&k)) {
             [Some(a), Some(b)] => vec![
                 format!("sarrus_rows v{a}, v{b};"),
-                format!("sarrus_get_both(in + {first}, {apart}, &v{a}, &v{b});"),
+                format!("sarrus_get_both(in, {first}, {apart}, &v{a}, &v{b});"),
             ],
             [Some(at), None] | [None, Some(at)] => {
-                vec![format!("const sarrus_rows v{at} = sarrus_get(in + {k}, {apart});")]
+                vec![format!("const sarrus_rows v{at} = sarrus_get(in, {k}, {apart});")]
             }
             [None, None] => Vec::new(),
         }

@@ -59,8 +59,7 @@ impl Table {
             (inputs, arranged(others, pairs, array, &mut stores))
         };
         let (input_checks, seen) = split(Row::all(&kernel.checks), "seen");
-        let limits = kernel.limited.iter().map(Row::of_limit).collect();
-        let (input_limits, limited) = split(Row::merged(limits), "limited");
+        let (input_limits, limited) = split(Row::limits(kernel), "limited");
         Table { stores, seen, limited, input_checks, input_limits }
     }
 

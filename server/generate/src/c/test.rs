@@ -1,29 +1,18 @@
-//! `NAME_test.c`.
+//! Programs with answers: `NAME_test.c`, and the launcher of a device.
 
-use sarrus_dynamics::{Model, Status, Workspace};
+use sarrus_dynamics::Model;
 
+use crate::Kernel;
 use crate::c::literal;
-use crate::{Kernel, Outcome};
 
-/// A program that compares answers with those of the generic kernel and prints the time of a call.
-pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
+/// A program that compares answers with those of the generic kernel, from this template.
+pub(super) fn filled(template: &str, kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
     let upper = name.to_ascii_uppercase();
     let count = kernel.golden.len();
-    let mut workspace = Workspace::for_plans(model, [&kernel.plan]);
-    let mut output = vec![0.0; kernel.outputs()];
     let mut inputs = String::new();
     let mut outputs = String::new();
     let mut codes = String::new();
-    for input in &kernel.golden {
-        let code = match kernel.evaluate(input, &mut output) {
-            Outcome::Ok => 0,
-            Outcome::LimitsExceeded => 1,
-            Outcome::NotAnswered => 2,
-        };
-        // the answer is the generic kernel's, not ours
-        let given = &input[..kernel.plan.given().len()];
-        let answer = kernel.plan.run(model, &mut workspace, given, &mut output);
-        debug_assert!(answer.status == Status::Ok);
+    for (code, input, output) in kernel.answers(model) {
         let row: Vec<String> = input.iter().map(|x| literal(*x)).collect();
         inputs += &format!("    {{{}}},\n", or_zero(row.join(", ")));
         let row: Vec<String> =
@@ -31,7 +20,7 @@ pub(super) fn test(kernel: &Kernel, model: &Model<f64>, name: &str) -> String {
         outputs += &format!("    {{{}}},\n", or_zero(row.join(", ")));
         codes += &format!("{code}, ");
     }
-    include_str!("test.c")
+    template
         .replace("@NAME@", name)
         .replace("@UPPER@", &upper)
         .replace("@COUNT@", &count.to_string())

@@ -36,7 +36,7 @@ impl Watches {
             let most = (0.999 * bound * bound).min(f64::MAX);
             watches.tail.push(left(&format!("{sum} <= {}", same(most))));
         }
-        let limits = Row::merged(kernel.limited.iter().map(Row::of_limit).collect());
+        let limits = Row::limits(kernel);
         watches.limits(&limits, |row| row.upper, ["most", "larger", ">"]);
         watches.limits(&limits, |row| row.lower, ["least", "smaller", "<"]);
         watches
@@ -112,17 +112,7 @@ fn inside(row: &Row) -> String {
 }
 
 fn measured(measure: Measure) -> String {
-    match measure {
-        Measure::Plain(a) => number_of_rows(a),
-        Measure::Absolute(a) => format!("sarrus_absolute({})", number_of_rows(a)),
-        Measure::Difference(a, b) => format!("({} - {})", number_of_rows(a), number_of_rows(b)),
-        Measure::Distance(a, b) => {
-            format!("sarrus_absolute({} - {})", number_of_rows(a), number_of_rows(b))
-        }
-        Measure::Larger(a, b) => {
-            format!("sarrus_larger(sarrus_absolute({}), {})", number_of_rows(a), number_of_rows(b))
-        }
-    }
+    measure.text(number_of_rows, ["sarrus_absolute", "sarrus_larger"])
 }
 
 fn same(x: f64) -> String {

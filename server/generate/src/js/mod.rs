@@ -13,15 +13,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use sarrus_dynamics::{Layout, Model, Plan, Status, Workspace};
+use sarrus_dynamics::{Layout, Model};
 
-use crate::c::{arithmetic, identifier, names, request};
-use crate::compiler::write_new;
+use crate::c::{expression, identifier, names, request};
+use crate::compiler::write_all;
 use crate::error::BuildError;
 use crate::graph::{Operation, Term};
-use crate::row::{Measure, Row};
+use crate::row::Row;
 use crate::run::{Cancel, run};
-use crate::{Kernel, Lengths, Outcome};
+use crate::{Kernel, Lengths};
 
 /// Operations of one function: V8 leaves functions of more than some 60 kB of its code
 /// unoptimised.
@@ -87,15 +87,7 @@ impl Script {
     /// # Errors
     /// [`BuildError::Io`]: some file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
-        let failed = |path: &Path, error| BuildError::Io { path: path.to_owned(), error };
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-        let files = [(".js", &self.function), ("_test.js", &self.test)];
-        let write = |(ending, text): (&str, &String)| {
-            let path = folder.join(format!("{}{ending}", self.name));
-            write_new(&path, text).map_err(|error| failed(&path, error))?;
-            Ok(path)
-        };
-        files.into_iter().map(write).collect()
+        write_all(folder, &self.name, [(".js", &self.function), ("_test.js", &self.test)])
     }
 
     /// Runs the test that [`Script::write`] wrote with `node`, for at most 120 s, and returns its
@@ -134,16 +126,6 @@ fn number(x: Term) -> String {
     match x {
         Term::Constant(bits) => literal(f64::from_bits(bits)),
         Term::Node { at, negated } => format!("{}v{at}", if negated { "-" } else { "" }),
-    }
-}
-
-fn measured(measure: Measure) -> String {
-    match measure {
-        Measure::Plain(a) => number(a),
-        Measure::Absolute(a) => format!("Math.abs({})", number(a)),
-        Measure::Difference(a, b) => format!("({} - {})", number(a), number(b)),
-        Measure::Distance(a, b) => format!("Math.abs({} - {})", number(a), number(b)),
-        Measure::Larger(a, b) => format!("larger(Math.abs({}), {})", number(a), number(b)),
     }
 }
 
@@ -248,17 +230,18 @@ fn parts(kernel: &Kernel) -> (Vec<String>, usize) {
         users.extend(terms.iter().map(|x| (*x, place)));
         after[place].push(line);
     };
-    for row in Row::all(&kernel.checks) {
+    let checks = Row::all(&kernel.checks).into_iter().map(|row| (row, true));
+    for (row, is_check) in checks.chain(Row::limits(kernel).into_iter().map(|row| (row, false))) {
         let terms: Vec<Term> = row.measure.terms().into_iter().flatten().collect();
-        let x = measured(row.measure);
+        let x = row.measure.text(number, ["Math.abs", "larger"]);
         let [lower, upper] = [row.lower, row.upper].map(literal);
-        add(&terms, format!("if (!({x} >= {lower} && {x} <= {upper})) state |= 2;"));
-    }
-    for row in Row::merged(kernel.limited.iter().map(Row::of_limit).collect()) {
-        let terms: Vec<Term> = row.measure.terms().into_iter().flatten().collect();
-        let x = measured(row.measure);
-        let [lower, upper] = [row.lower, row.upper].map(literal);
-        add(&terms, format!("if ({x} < {lower} || {x} > {upper}) state |= 1;"));
+        add(
+            &terms,
+            match is_check {
+                true => format!("if (!({x} >= {lower} && {x} <= {upper})) state |= 2;"),
+                false => format!("if ({x} < {lower} || {x} > {upper}) state |= 1;"),
+            },
+        );
     }
     for (k, x) in kernel.outputs.iter().enumerate() {
         add(&[*x], format!("wanted[{k}] = {};", number(*x)));
@@ -304,9 +287,6 @@ fn statements(at: usize, operation: &Operation, angles: &mut HashMap<Term, usize
     let mut lines = Vec::new();
     let value = match *operation {
         Input(k) => format!("given[{k}]"),
-        Fused(a, b, c) => format!("fma({}, {}, {})", number(a), number(b), number(c)),
-        Root(x) => format!("Math.sqrt({})", number(x)),
-        Absolute(x) => format!("Math.abs({})", number(x)),
         Sine(x) | Cosine(x) => {
             let of = *angles.entry(x).or_insert_with(|| {
                 lines.push(format!("sin_cos({});", number(x)));
@@ -315,11 +295,10 @@ fn statements(at: usize, operation: &Operation, angles: &mut HashMap<Term, usize
             });
             format!("{}{of}", if matches!(operation, Sine(_)) { "s" } else { "c" })
         }
-        Angle(y, x) => format!("atan2({}, {})", number(y), number(x)),
-        Select(x, y, a, b) => {
-            format!("{} < {} ? {} : {}", number(x), number(y), number(a), number(b))
+        _ => {
+            let names = ["fma", "Math.sqrt", "Math.abs", "atan2"];
+            expression(operation, number, names).unwrap_or_default()
         }
-        Add(..) | Multiply(..) | Divide(..) => arithmetic(operation, number).unwrap_or_default(),
     };
     lines.push(format!("const v{at} = {value};"));
     lines
@@ -327,20 +306,7 @@ fn statements(at: usize, operation: &Operation, angles: &mut HashMap<Term, usize
 
 /// The states of the test.
 fn states(kernel: &Kernel, model: &Model<f64>) -> Vec<String> {
-    let mut workspace = Workspace::for_plans(model, [&kernel.plan]);
-    let mut output = vec![0.0; kernel.outputs()];
     let list = |numbers: &[f64]| numbers.iter().map(|x| literal(*x)).collect::<Vec<_>>().join(", ");
-    let row = |input: &Vec<f64>| {
-        let state = match kernel.evaluate(input, &mut output) {
-            Outcome::Ok => 0,
-            Outcome::LimitsExceeded => 1,
-            Outcome::NotAnswered => 2,
-        };
-        // the answer is the generic kernel's, not ours
-        let given = &input[..kernel.plan.given().len()];
-        let answer = Plan::run(&kernel.plan, model, &mut workspace, given, &mut output);
-        debug_assert!(answer.status == Status::Ok);
-        format!("[{state}, [{}], [{}]]", list(input), list(&output))
-    };
-    kernel.golden.iter().map(row).collect()
+    let answers = kernel.answers(model);
+    answers.map(|(code, x, y)| format!("[{code}, [{}], [{}]]", list(x), list(&y))).collect()
 }

@@ -242,8 +242,8 @@ impl Cache {
         let built = match self.trial {
             Some(_) => compiler.library(&source, &build.folder, &[], cancel)?,
             None => {
-                let built = compiler.build_unless(&source, &build.folder, &[], cancel)?;
-                built.test_unless(cancel)?;
+                let built = compiler.build(&source, &build.folder, &[], cancel)?;
+                built.test(cancel)?;
                 built.library
             }
         };

@@ -1,6 +1,7 @@
 //! Generated code against the generic kernels: every bit, in C as the compiler here makes it.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod device;
 mod header;
 mod js;
 
@@ -15,7 +16,9 @@ use sarrus_dynamics::{
     DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Warnings,
     Workspace,
 };
-use sarrus_generate::{Compiler, FLAGS, GenerateError, Kernel, Outcome, RandomInputs, Source};
+use sarrus_generate::{
+    Cancel, Compiler, FLAGS, GenerateError, Kernel, Outcome, RandomInputs, Source,
+};
 use sarrus_models::{Options, load};
 
 const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
@@ -218,9 +221,11 @@ fn queries_compared_in_c(
         let folder = folder(&format!("c{}", flags.len()));
         Compiler::write(&source, &folder).unwrap();
         let start = Instant::now();
-        let built = compiler.build(&source, &folder, &[&WARNINGS, flags].concat()).unwrap();
+        let built = compiler
+            .build(&source, &folder, &[&WARNINGS, flags].concat(), &Cancel::default())
+            .unwrap();
         let seconds = start.elapsed().as_secs_f64();
-        let words = built.test().unwrap();
+        let words = built.test(&Cancel::default()).unwrap();
         let mut comparison = Comparison::new(model, &plan);
         let mut unclosed = 0;
         let mut early = 0;
@@ -369,11 +374,14 @@ fn sanitizers_find_nothing() {
         header: String::new(),
         function: "extern int nothing;\nint nothing;\n".to_owned(),
         test: text,
+        launcher: None,
     };
     let folder = folder("empty");
     Compiler::write(&empty, &folder).unwrap();
     match Compiler::found() {
-        Some(compiler) if compiler.build(&empty, &folder, &sanitizers).is_ok() => {
+        Some(compiler)
+            if compiler.build(&empty, &folder, &sanitizers, &Cancel::default()).is_ok() =>
+        {
             compared_in_c("lambda", 1_000, &sanitizers);
         }
         _ => println!("not run: no C compiler with sanitizers"),

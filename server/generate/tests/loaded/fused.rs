@@ -57,7 +57,7 @@ fn loaded(
 ) -> Result<NativeKernel, LoadError> {
     let source = Source::new(&Kernel::trace(model, plan).unwrap(), model, name);
     Compiler::write(&source, folder).unwrap();
-    compiler.build(&source, folder, flags).unwrap().load(model, plan)
+    compiler.build(&source, folder, flags, &Cancel::default()).unwrap().load(model, plan)
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
-use sarrus_generate::{Compiler, Kernel, Source};
+use sarrus_generate::{Cancel, Compiler, Kernel, Source};
 use sarrus_models::{Options, bundled_text, load};
 
 /// Two four-bar linkages whose links are points of this mass.
@@ -32,8 +32,8 @@ fn rows_that_are_left_early_are_no_fault() {
     let source = Source::new(&Kernel::trace(&model, &plan).unwrap(), &model, "light");
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("light");
     Compiler::write(&source, &folder).unwrap();
-    let built = compiler.build(&source, &folder, &[]).unwrap();
-    let words = built.test().unwrap();
+    let built = compiler.build(&source, &folder, &[], &Cancel::default()).unwrap();
+    let words = built.test(&Cancel::default()).unwrap();
     assert!(words.contains("light_rows: left "), "{words}");
     // too many of them are left for calls of that function
     assert_eq!(built.load(&model, &plan).unwrap().rows(), 1);

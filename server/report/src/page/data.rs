@@ -2,15 +2,22 @@
 
 use serde_json::{Value, json};
 
-use super::figure::{Axis, Figure, Point};
+use super::figure::{Figure, Point};
 use super::section::{Case, Report, Section, Table, columns};
 use crate::Outcome;
 use crate::csv_rows::{LineEnd, write};
 
 /// The whole report, for scripts. A number that is not finite is null.
 pub(super) fn json(report: &Report) -> Value {
-    let sections: Vec<Value> =
-        report.sections.iter().map(|section| section_value(report, section)).collect();
+    let section = |section: &Section| {
+        let mut value = json!(section);
+        let figures = value.get_mut("figures").and_then(Value::as_array_mut);
+        for figure in figures.into_iter().flatten().filter_map(Value::as_object_mut) {
+            figure.insert("command".to_owned(), report.command_of(section).into());
+        }
+        value
+    };
+    let sections: Vec<Value> = report.sections.iter().map(section).collect();
     let results: Vec<Value> =
         report.sections.iter().flat_map(|section| &section.cases).map(case_value).collect();
     json!({
@@ -23,42 +30,6 @@ pub(super) fn json(report: &Report) -> Value {
         "quick": report.quick,
         "sections": sections,
         "results": results,
-    })
-}
-
-fn section_value(report: &Report, section: &Section) -> Value {
-    let figures: Vec<Value> =
-        section.figures.iter().map(|figure| figure_value(report, section, figure)).collect();
-    json!({
-        "name": section.name,
-        "title": section.title,
-        "summary": section.summary,
-        "worst_error": section.worst_error,
-        "failure": section.failure,
-        "figures": figures,
-        "tables": section.tables.iter().map(|table| json!({
-            "id": table.id,
-            "title": table.title,
-            "caption": table.caption,
-            "columns": table.columns,
-            "rows": table.rows,
-        })).collect::<Vec<_>>(),
-    })
-}
-
-fn figure_value(report: &Report, section: &Section, figure: &Figure) -> Value {
-    let point = |point: &Point| json!({ "x": point.x, "y": point.y, "label": point.label });
-    let axis = |axis: &Axis| json!({ "label": axis.label, "log": axis.log });
-    json!({
-        "id": figure.id,
-        "title": figure.title,
-        "caption": figure.caption,
-        "command": report.command_of(section),
-        "x": axis(&figure.x), "y": axis(&figure.y),
-        "series": figure.series.iter().map(|series| json!({
-            "name": series.name, "line": series.line, "front": series.competes,
-            "points": series.points.iter().map(point).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
     })
 }
 

@@ -1,10 +1,12 @@
 //! The parts of a figure: axes, series, points.
 
+use serde::Serialize;
+
 /// Where an error of exactly zero is drawn on a logarithmic axis.
 pub const DRAWN_FOR_ZERO: f64 = 1e-17;
 
 /// A picture and its data.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Figure {
     /// Unique on the page, of small letters, digits, `-` and `_`; also the name of its CSV file.
     pub id: String,
@@ -21,7 +23,7 @@ pub struct Figure {
 }
 
 /// An axis of a figure.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
@@ -37,13 +39,14 @@ impl Axis {
 }
 
 /// Points that belong together.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Series {
     /// The name in the legend; a peer's begins with the peer's name.
     pub name: String,
     /// Joined by a line.
     pub line: bool,
     /// Competes for the Pareto front of its figure, where less is better on both axes.
+    #[serde(rename = "front")]
     pub competes: bool,
     /// Points; a value that is not finite is not drawn, but the table has it.
     pub points: Vec<Point>,
@@ -62,7 +65,7 @@ impl Series {
 }
 
 /// One measurement.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Point {
     /// The horizontal coordinate.
     pub x: f64,

@@ -1,5 +1,7 @@
 //! The parts of a report: its sections, their tables and stress cases.
 
+use serde::Serialize;
+
 use super::figure::Figure;
 use super::pareto::exponent;
 
@@ -61,7 +63,7 @@ impl Report {
 }
 
 /// A part of the page.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Section {
     /// The name that `--section` takes.
     pub name: &'static str,
@@ -76,6 +78,7 @@ pub struct Section {
     /// Tables without a picture.
     pub tables: Vec<Table>,
     /// Stress cases with their assessments.
+    #[serde(skip)]
     pub cases: Vec<Case>,
     /// The reason why the section is incomplete.
     pub failure: Option<String>,
@@ -89,7 +92,7 @@ impl Section {
 }
 
 /// A table and its caption.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Table {
     /// Unique on the page, like a figure's.
     pub id: String,

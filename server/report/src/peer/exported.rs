@@ -1,16 +1,15 @@
 //! How far the files of `sarrus export` are from the robot, by the engine that reads them: a
 //! program in Python, which needs the engine's wheel.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use sarrus_dynamics::description::{Description, JointKind};
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::{BUILD, program};
+use super::{BUILD, program, spoken};
 use crate::Outcome;
 use crate::robots::{Own, Planned, Robot, Subject};
 
@@ -97,24 +96,13 @@ pub fn deviation(
     .to_string();
     let mut reasons = Vec::new();
     for python in pythons {
-        let started = Command::new(python)
-            .args(["-c", PROGRAM])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn();
-        let mut child = match started {
-            Ok(child) => child,
+        let output = match spoken(Command::new(python).args(["-c", PROGRAM]), &input) {
+            Ok((_, output)) => output,
             Err(error) => {
                 reasons.push(format!("{}: {error}", python.display()));
                 continue;
             }
         };
-        // a program that ends early closes its end
-        if let Some(mut to) = child.stdin.take() {
-            let _ = to.write_all(input.as_bytes());
-        }
-        let output = child.wait_with_output()?;
         let words = String::from_utf8_lossy(&output.stderr).trim().to_owned();
         match output.status.code() {
             Some(0) => {

@@ -9,7 +9,7 @@ mod text;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use crate::Outcome;
 use crate::page::{PEERS, Point, Series};
@@ -106,17 +106,7 @@ pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<
         Err(reason) => return missing(format!(" on {name}, {reason}.")),
     };
     let fault = |error: std::io::Error| format!("{}: {error}", program.display());
-    let mut child = Command::new(&program)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(fault)?;
-    let input = child.stdin.take();
-    // the program reads everything before it writes; one that stops early closes its end and prints
-    // the reason
-    let written = input.map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
-    let output = child.wait_with_output().map_err(fault)?;
+    let (written, output) = spoken(&mut Command::new(&program), &text).map_err(fault)?;
     if !output.status.success() {
         let why = String::from_utf8_lossy(&output.stderr);
         return missing(format!(" on {name}, it ends with {}: {}", output.status, why.trim()));
@@ -124,6 +114,16 @@ pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<
     written.map_err(fault)?;
     read(engine, &String::from_utf8_lossy(&output.stdout), robot.states.len())
         .map_err(|reason| format!("{}: {reason}", program.display()).into())
+}
+
+/// The output of a program with this input, and whether it took it. The program reads everything
+/// before it writes; one that stops early closes its end and prints the reason.
+fn spoken(command: &mut Command, text: &str) -> std::io::Result<(std::io::Result<()>, Output)> {
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn()?;
+    let input = child.stdin.take();
+    let written = input.map_or(Ok(()), |mut input| input.write_all(text.as_bytes()));
+    Ok((written, child.wait_with_output()?))
 }
 
 /// Series for a figure of error over time: one for each method of the question, a point for each

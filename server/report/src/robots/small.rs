@@ -91,12 +91,17 @@ pub fn four_bar([a, b, c, d]: [[f64; 2]; 4], kind: Kind, which: &str) -> Outcome
 
 /// Angle of the crank at which coupler and rocker of [`LOOSE`] are aligned, from its lengths.
 pub fn toggle() -> f64 {
+    angle_of_crank(|crank, coupler, rocker| [crank, coupler + rocker])
+}
+
+/// Angle of the crank of [`LOOSE`] at which the two sides that its lengths give close a triangle on
+/// the ground: from the crank's pivot, and from the rocker's.
+pub(crate) fn angle_of_crank(sides: impl Fn(f64, f64, f64) -> [f64; 2]) -> f64 {
     let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
     let [a, b, c, d] = LOOSE;
-    let crank = far(a, b);
-    let reach = far(b, c) + far(c, d);
+    let [near, across] = sides(far(a, b), far(b, c), far(c, d));
     let ground = far(d, a);
-    let cosine = (crank * crank + ground * ground - reach * reach) / (2.0 * crank * ground);
+    let cosine = (near * near + ground * ground - across * across) / (2.0 * near * ground);
     f64::atan2(d[1], d[0]) + cosine.acos() - f64::atan2(b[1], b[0])
 }
 

@@ -9,7 +9,7 @@ use crate::measure::Effort;
 use crate::stress::harness::{
     At, Cases, Question, Reference, Robot, State, Turn, Z, cut, finish, joint, mechanism, powers,
 };
-use crate::stress::mechanisms::{BASE, LOOSE};
+use crate::stress::mechanisms::{BASE, LOOSE, angle_of_crank};
 
 /// A crank that moves two rockers in a row, both actuated.
 fn two_rockers() -> Outcome<Description> {
@@ -28,12 +28,7 @@ fn two_rockers() -> Outcome<Description> {
 
 /// Angle of the crank at which it is in line with its coupler, so that the rockers turn back.
 fn in_line() -> f64 {
-    let far = |a: [f64; 2], b: [f64; 2]| f64::hypot(b[0] - a[0], b[1] - a[1]);
-    let [a, b, c, d] = LOOSE;
-    let reach = far(a, b) + far(b, c);
-    let ground = far(a, d);
-    let cosine = (reach * reach + ground * ground - far(c, d).powi(2)) / (2.0 * reach * ground);
-    f64::atan2(d[1], d[0]) + cosine.acos() - f64::atan2(b[1], b[0])
+    angle_of_crank(|crank, coupler, rocker| [crank + coupler, rocker])
 }
 
 /// Forces of the actuators at distances from the pose without control.

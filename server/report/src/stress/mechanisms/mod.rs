@@ -11,8 +11,8 @@ use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind as Ki
 
 use crate::Outcome;
 pub(crate) use crate::robots::small::{
-    ARM_OF_LAMBDA, LOOSE, RHOMBUS, bricard, door, four_bar, lambda, reach_of_lambda, toggle,
-    way_of_lambda,
+    ARM_OF_LAMBDA, LOOSE, RHOMBUS, angle_of_crank, bricard, door, four_bar, lambda,
+    reach_of_lambda, toggle, way_of_lambda,
 };
 use crate::stress::harness::{Turn, Z, joint, mechanism};
 
