@@ -294,7 +294,7 @@ fn second_derivatives_in_double_keep_twelve_digits_or_warn() {
 }
 
 /// A sum over the rows is the sum of the rows; a robot at rest has the numbers of one that is told
-/// to stand; what is missing or no number has a reason.
+/// to stand; a missing number and one that is none have their reasons.
 #[test]
 fn second_derivatives_come_as_matrix_or_with_multipliers() {
     let case = Case::bundled("torso");

@@ -5,8 +5,9 @@
 //! their speed. A backward pass finds the greatest x from which the end is reached, a forward pass
 //! takes the greatest u below it \[PP18: Pham and Pham, A new approach to time-optimal path
 //! parameterization based on reachability analysis, IEEE Transactions on Robotics 34, 2018\].
-//! Inverse dynamics looks at the motion again between the points of the grid, and the passes are
-//! repeated with narrower limits where it finds more than [`ALLOWED`].
+//! The motion is the cubic through y and ẏ of the points of the grid, the rows of the table. Inverse
+//! dynamics looks at it between them, and the passes are repeated with narrower limits where it
+//! finds more than [`ALLOWED`].
 
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Workspace};
 
@@ -312,16 +313,8 @@ impl Timing<'_> {
     }
 
     /// The largest part of a limit by which a state exceeds it.
-    fn excess(
-        &mut self,
-        place: f64,
-        [y, dy, ddy]: &[Vec<f64>; 3],
-        [x, u]: [f64; 2],
-    ) -> Result<(f64, [Vec<f64>; 4]), (f64, Stop)> {
-        let root = x.max(0.0).sqrt();
-        let yd: Vec<f64> = dy.iter().map(|d| d * root).collect();
-        let ydd: Vec<f64> = dy.iter().zip(ddy).map(|(d, dd)| d * u + dd * x).collect();
-        self.run(place, [y, &yd, &ydd]).map_err(|stop| (f64::INFINITY, stop))?;
+    fn excess(&mut self, place: f64, [y, yd, ydd]: &[Vec<f64>; 3]) -> Result<f64, (f64, Stop)> {
+        self.run(place, [y, yd, ydd]).map_err(|stop| (f64::INFINITY, stop))?;
         let mut worst = (0.0, None);
         let mut look = |value: f64, [lower, upper]: [f64; 2], stop: &dyn Fn() -> Stop| {
             let size = lower.abs().max(upper.abs());
@@ -352,7 +345,7 @@ impl Timing<'_> {
         }
         match worst {
             (over, Some(stop)) if over > ALLOWED => Err((over, stop)),
-            (over, _) => Ok((over, [y.clone(), yd, ydd, self.planned.get(Field::TauU).to_vec()])),
+            (over, _) => Ok(over),
         }
     }
 }
@@ -383,20 +376,17 @@ impl Timing<'_> {
         let knots: Vec<Vec<f64>> = places.iter().map(|k| rows[*k].clone()).collect();
         let spline = Spline::through(&knots);
         let count = knots.len().saturating_sub(1);
-        let between = INTERVALS.div_ceil(count.max(1)).max(BETWEEN);
-        // the place in the rows, and the spline, at a part of an interval of the grid
-        let place = |i: usize, part: f64| {
-            let k = (i / between).min(count.saturating_sub(1));
-            let part = ((i - k * between) as f64 + part) / between as f64;
+        let steps = INTERVALS.div_ceil(count.max(1)).max(BETWEEN);
+        let n = count * steps + 1;
+        let mut points = Vec::with_capacity(n);
+        let mut path = Vec::with_capacity(n);
+        for i in 0..n {
+            let k = (i / steps).min(count.saturating_sub(1));
+            let part = (i - k * steps) as f64 / steps as f64;
             let row = places[k] as f64 + part * (places[k + 1] - places[k]) as f64;
             let s = spline.knots[k] + part * (spline.knots[k + 1] - spline.knots[k]);
-            (row, s, spline.at(k, part))
-        };
-        let n = count * between + 1;
-        let mut points = Vec::with_capacity(n);
-        for i in 0..n {
-            let (row, s, y) = place(i, 0.0);
-            points.push(self.point(row, s, &y)?);
+            path.push(spline.at(k, part));
+            points.push(self.point(row, s, &path[i])?);
             progress(0.5 * i as f64 / n as f64);
         }
         let mut parts = vec![1.0_f64; n];
@@ -404,12 +394,17 @@ impl Timing<'_> {
             let (x, u) = self.passes(&points, &parts).map_err(|i| self.stopped(&points[i]))?;
             let mut excess = 0.0_f64;
             let mut worst: Option<(f64, Stop)> = None;
+            let states: Vec<_> = (0..n).map(|i| state(&path[i], [x[i], u[i]])).collect();
+            let mut times = vec![0.0];
             for i in 0..n - 1 {
-                for quarter in [0.25, 0.5, 0.75, 1.0] {
-                    let (row, s, y) = place(i, quarter);
-                    let here = x[i] + 2.0 * u[i] * (s - points[i].s);
-                    match self.excess(row, &y, [here, u[i]]) {
-                        Ok((over, _)) => excess = excess.max(over),
+                let h = 2.0 * (points[i + 1].s - points[i].s) / (x[i].sqrt() + x[i + 1].sqrt());
+                times.push(times[i] + h);
+                let ends = [&states[i], &states[i + 1]];
+                let looked = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| (part, between(ends, h, part)));
+                for (part, at) in looked.iter().chain([&(1.0, states[i + 1].clone())]) {
+                    let row = points[i].place + part * (points[i + 1].place - points[i].place);
+                    match self.excess(row, at) {
+                        Ok(over) => excess = excess.max(over),
                         Err((over, stop)) => {
                             let narrower = 1.0 / (1.0 + over.min(0.5));
                             parts[i] *= narrower;
@@ -423,7 +418,7 @@ impl Timing<'_> {
             }
             progress(0.5 + 0.5 * f64::from(pass) / f64::from(PASSES));
             match worst {
-                None => return self.timed((&points, &x, &u), place, excess),
+                None => return self.timed(&points, times, states, excess),
                 // a path beyond a position, or one that no speed helps
                 Some((_, stop @ Stop::Limit { what: "position", .. })) => return Err(stop),
                 Some((_, stop)) if pass + 1 == PASSES => return Err(stop),
@@ -446,22 +441,37 @@ impl Timing<'_> {
 
     fn timed(
         &mut self,
-        (points, x, u): (&[Point], &[f64], &[f64]),
-        place: impl Fn(usize, f64) -> (f64, f64, [Vec<f64>; 3]),
+        points: &[Point],
+        times: Vec<f64>,
+        states: Vec<[Vec<f64>; 3]>,
         excess: f64,
     ) -> Result<Timed, Stop> {
-        let mut timed = Timed { times: Vec::new(), rows: Vec::new(), excess };
-        let mut t = 0.0;
-        for i in 0..points.len() {
-            if i > 0 {
-                let speed = x[i - 1].sqrt() + x[i].sqrt();
-                t += 2.0 * (points[i].s - points[i - 1].s) / speed;
-            }
-            let (row, _, y) = place(i, 0.0);
-            let (_, numbers) = self.excess(row, &y, [x[i], u[i]]).map_err(|(_, stop)| stop)?;
-            timed.times.push(t);
-            timed.rows.push(numbers);
+        let mut timed = Timed { times, rows: Vec::new(), excess };
+        for ([y, yd, ydd], point) in states.into_iter().zip(points) {
+            self.run(point.place, [&y, &yd, &ydd])?;
+            timed.rows.push([y, yd, ydd, self.planned.get(Field::TauU).to_vec()]);
         }
         Ok(timed)
     }
+}
+
+/// y, ẏ and ÿ from y, y′ and y″ at x and u.
+fn state([y, dy, ddy]: &[Vec<f64>; 3], [x, u]: [f64; 2]) -> [Vec<f64>; 3] {
+    let yd = dy.iter().map(|d| d * x.max(0.0).sqrt()).collect();
+    let ydd = dy.iter().zip(ddy).map(|(d, dd)| d * u + dd * x).collect();
+    [y.clone(), yd, ydd]
+}
+
+/// The cubic through y and ẏ of two states h apart, at a part of the time between them.
+fn between(ends: [&[Vec<f64>; 3]; 2], h: f64, part: f64) -> [Vec<f64>; 3] {
+    let mut state = [const { Vec::new() }; 3];
+    for j in 0..ends[0][0].len() {
+        let [[y, yd], [y1, yd1]] = ends.map(|of| [of[0][j], of[1][j]]);
+        let mean = (y1 - y) / h;
+        let [turn, bend] = [3.0 * mean - 2.0 * yd - yd1, yd + yd1 - 2.0 * mean];
+        state[0].push(y + part * h * (yd + part * (turn + part * bend)));
+        state[1].push(yd + part * (2.0 * turn + 3.0 * part * bend));
+        state[2].push((2.0 * turn + 6.0 * part * bend) / h);
+    }
+    state
 }

@@ -24,7 +24,7 @@ use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::protocol::{Common, Settings};
 
-/// A motor's firmware. It checks only what the real one checks.
+/// A motor's firmware. Its checks are those of the real one.
 trait Firmware: Send + core::fmt::Debug {
     /// Reads a frame; returns whether it was for this motor.
     fn receive(&mut self, frame: &Frame, plant: &mut Plant, out: &mut FrameQueue) -> bool;

@@ -21,6 +21,8 @@ use crate::model::{Model, Order};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Pose, zero};
 
+/// Part of the size of G_u from which down the roundings of G count against it.
+const LOW: f64 = 1e-3;
 /// Lengths of a cluster from which on its loops are measured from their own place.
 const FAR: f64 = 16.0;
 
@@ -298,7 +300,7 @@ impl<'a> Builder<'a> {
             let actuators = cluster.active.iter().map(|(_, j)| cluster.units[*j]);
             let independents = cluster.independent.iter().map(|j| cluster.units[*j]);
             cluster.authority =
-                actuators.fold(f64::INFINITY, f64::min) / independents.fold(0.0, f64::max);
+                LOW * actuators.fold(f64::INFINITY, f64::min) / independents.fold(0.0, f64::max);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
                 for &j in &cluster.dependent {

@@ -50,7 +50,7 @@ pub(crate) struct Cluster<T> {
     /// Unit of each local velocity (n_v): 1 rad, a slider's the length; a joint that moves by
     /// couplings alone has the one that belongs to theirs.
     pub(crate) units: Vec<f64>,
-    /// Least unit of an actuator over the largest of an independent: the size of G_u.
+    /// Size from which down the roundings of G count against G_u, by the units of its joints.
     pub(crate) authority: f64,
 }
 

@@ -239,7 +239,7 @@ impl Judge<'_> {
         let mut check = |what: &str, x: &[f64], exact: &[Dd], units: &[f64], least: f64| {
             self.compare(ledger, &asked, &name(what), x, exact, units, least)
         };
-        // what two links share cancels in the acceleration between them
+        // a common motion of both links cancels in the acceleration between them
         let moved = |link: &Link<Dd>| {
             size(&link.a.map(|x| x.to_f64())).max(size(&link.e.map(|x| x.to_f64() * inv)))
         };
