@@ -5,8 +5,8 @@
 //! their speed. A backward pass finds the greatest x from which the end is reached, a forward pass
 //! takes the greatest u below it \[PP18: Pham and Pham, A new approach to time-optimal path
 //! parameterization based on reachability analysis, IEEE Transactions on Robotics 34, 2018\].
-//! The motion is the cubic through y and ẏ of the points of the grid, the rows of the table. Inverse
-//! dynamics looks at it between them, and the passes are repeated with narrower limits where it
+//! Between the points of the grid, the rows of the table, the motion is the cubic through their y
+//! and ẏ. Inverse dynamics looks at it, and the passes are repeated with narrower limits where it
 //! finds more than [`ALLOWED`].
 
 use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Workspace};
