@@ -22,9 +22,9 @@ pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
             } else {
                 base
             };
-            // seconds for hundreds of parameters
+            // they are slow to find among many parameters
             let is_quick =
-                |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 150;
+                |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 50;
             let single: Vec<Plan> = Field::ALL
                 .iter()
                 .filter(is_quick)
