@@ -293,8 +293,8 @@ fn second_derivatives_in_double_keep_twelve_digits_or_warn() {
     assert!(answered > robots().len());
 }
 
-/// A sum over the rows is the sum of the rows; a robot at rest has the numbers of one that is told
-/// to stand; a missing number and one that is none have their reasons.
+/// A sum over the rows is the sum of the rows; without ẏ the numbers are those of ẏ = 0; a missing
+/// number and one that is none have their reasons.
 #[test]
 fn second_derivatives_come_as_matrix_or_with_multipliers() {
     let case = Case::bundled("torso");

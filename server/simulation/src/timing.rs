@@ -401,7 +401,8 @@ impl Timing<'_> {
                 times.push(times[i] + h);
                 let ends = [&states[i], &states[i + 1]];
                 let looked = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| (part, between(ends, h, part)));
-                for (part, at) in looked.iter().chain([&(1.0, states[i + 1].clone())]) {
+                let looked = looked.iter().map(|(part, at)| (*part, at));
+                for (part, at) in looked.chain([(1.0, &states[i + 1])]) {
                     let row = points[i].place + part * (points[i + 1].place - points[i].place);
                     match self.excess(row, at) {
                         Ok(over) => excess = excess.max(over),

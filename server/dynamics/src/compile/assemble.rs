@@ -299,7 +299,7 @@ impl<'a> Builder<'a> {
             cluster.units = units(cluster);
             let actuators = cluster.active.iter().map(|(_, j)| cluster.units[*j]);
             let independents = cluster.independent.iter().map(|j| cluster.units[*j]);
-            cluster.authority =
+            cluster.least_authority =
                 LOW * actuators.fold(f64::INFINITY, f64::min) / independents.fold(0.0, f64::max);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {

@@ -94,7 +94,7 @@ impl Builder<'_> {
             other_rows: Vec::new(),
             length: 1.0,
             units: vec![1.0; n_v],
-            authority: 1.0,
+            least_authority: 1.0,
         });
         self.model.closures.push(Closure::Serial);
     }

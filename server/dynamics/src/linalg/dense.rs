@@ -65,8 +65,8 @@ pub(crate) fn solve_sound<T: Real>(
 }
 
 /// `roundings`, `size`: how many unit roundoffs of the largest entry a pivot must have, and the
-/// least that counts as largest. Loops of fixed
-/// length solve the sizes that actuators of mechanisms need, and rods of a platform.
+/// least that counts as largest. Loops of fixed length solve the sizes that actuators of
+/// mechanisms need, and rods of a platform.
 fn solve_above<T: Real>(
     A: &mut [T],
     B: &mut [T],

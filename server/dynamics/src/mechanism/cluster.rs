@@ -50,14 +50,15 @@ pub(crate) struct Cluster<T> {
     /// Unit of each local velocity (n_v): 1 rad, a slider's the length; a joint that moves by
     /// couplings alone has the one that belongs to theirs.
     pub(crate) units: Vec<f64>,
-    /// Size from which down the roundings of G count against G_u, by the units of its joints.
-    pub(crate) authority: f64,
+    /// Size from which down the roundings of G count against G_u: the actuators' authority is a
+    /// thousandth there, by the units of the joints.
+    pub(crate) least_authority: f64,
 }
 
 constants! { Cluster:
     keep parent body n v q n_v n_q dofs vy n_vy g_offset independent dependent locked independent_q
         dependent_q local_parent active windings rows used other_rows length units
-        authority;
+        least_authority;
     each cuts;
 }
 

@@ -45,8 +45,9 @@ pub(super) fn to_actuators<T: Real>(
             ws.tau_u[u] = tau;
         } else if n_u == m {
             actuator_matrix(cluster, ws);
-            let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
-                .ok_or(Status::SingularActuation)?;
+            let solved =
+                solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.least_authority)
+                    .ok_or(Status::SingularActuation)?;
             control = lesser(control, solved.least);
             for (r, (u, _)) in cluster.active.iter().enumerate() {
                 if !(ws.dense_rhs[r].is_finite()) {

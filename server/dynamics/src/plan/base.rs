@@ -6,7 +6,7 @@ use sarrus_proto::{Field, FieldSet, Query, QueryError, QueryOptions, Request, St
 
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::scalar::Real;
+use crate::scalar::{Real, noise};
 use crate::workspace::Workspace;
 
 /// Part of a column that it adds to the others below which it may be rounding.
@@ -44,9 +44,8 @@ pub fn base_parameters(model: &Model<f64>) -> Result<Base, QueryError> {
     let mut output = vec![0.0; plan.want().len()];
     let states = 3 * n / model.sizes().n_vy.max(1) + 8;
     let mut rows = Vec::with_capacity(states * output.len());
-    let mut scattered = Scattered(1);
-    for _ in 0..50 * states {
-        let input = state(model, &mut scattered);
+    for k in 0..50 * states {
+        let input = state(model, k);
         if plan.run(model, &mut workspace, &input, &mut output).status == Status::Ok {
             rows.extend_from_slice(&output);
         }
@@ -135,20 +134,12 @@ impl Base {
     }
 }
 
-/// Numbers without a pattern, the same on every machine.
-struct Scattered(u64);
-
-impl Scattered {
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
-        low + (high - low) * ((self.0 >> 11) as f64 / (1u64 << 53) as f64)
-    }
-}
-
-/// y within its limits, ẏ and ÿ.
-fn state(model: &Model<f64>, scattered: &mut Scattered) -> Vec<f64> {
+/// State k: y within its limits, ẏ and ÿ.
+fn state(model: &Model<f64>, k: usize) -> Vec<f64> {
     let info = model.info();
-    let mut numbers = Vec::with_capacity(info.sizes.n_qy + 2 * info.sizes.n_vy);
+    let len = info.sizes.n_qy + 2 * info.sizes.n_vy;
+    let mut numbers: Vec<f64> = Vec::with_capacity(len);
+    let part = |numbers: &[f64]| noise(len * k + numbers.len());
     for name in model.independent_q_names() {
         let Some(place) = info.tree_q.iter().position(|x| x == name) else { continue };
         let joint = info.joints().find(|joint| joint.q.contains(&place));
@@ -157,7 +148,7 @@ fn state(model: &Model<f64>, scattered: &mut Scattered) -> Vec<f64> {
             Some([limits.lower?, limits.upper?])
         });
         let [low, high] = limits.unwrap_or([-RANGE, RANGE]);
-        numbers.push(scattered.within(low, high));
+        numbers.push(0.5 * (low + high + (high - low) * part(&numbers)));
         if name.ends_with("/qw") {
             let first = numbers.len().saturating_sub(4);
             let length = numbers[first..].iter().fold(0.0, |sum: f64, x| sum.hypot(*x));
@@ -165,7 +156,7 @@ fn state(model: &Model<f64>, scattered: &mut Scattered) -> Vec<f64> {
         }
     }
     for most in [VELOCITY, ACCELERATION] {
-        numbers.extend((0..info.sizes.n_vy).map(|_| scattered.within(-most, most)));
+        (0..info.sizes.n_vy).for_each(|_| numbers.push(most * part(&numbers)));
     }
     numbers
 }

@@ -234,7 +234,9 @@ impl Plan {
                     ws.dense_rhs[r * m + k] = if r == k { T::ONE } else { T::ZERO };
                 }
             }
-            if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, m, cluster.authority).is_none() {
+            if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, m, cluster.least_authority)
+                .is_none()
+            {
                 return false;
             }
             for (a, &(u, _)) in cluster.active.iter().enumerate() {

@@ -315,7 +315,8 @@ impl Plan {
                         ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
                     }
                 }
-                if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 6, cluster.authority).is_none()
+                if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 6, cluster.least_authority)
+                    .is_none()
                 {
                     status = Status::SingularActuation;
                     break;

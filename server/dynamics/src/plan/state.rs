@@ -247,7 +247,7 @@ impl Plan {
             // the closure has overwritten the dependent actuators
             ws.dense_rhs[r] = if bias { given[u] - ws.g[cluster.v + j] } else { given[u] };
         }
-        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
+        let solved = solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.least_authority)
             .ok_or(Status::SingularActuation)?;
         for (k, &j) in cluster.independent.iter().enumerate() {
             let to = if accelerations { &mut ws.qdd } else { &mut ws.qd };
@@ -332,7 +332,7 @@ fn actuator_newton<T: Real>(
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
         let solved = if outcome.status == Status::Ok {
-            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.authority)
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.least_authority)
         } else {
             None
         };

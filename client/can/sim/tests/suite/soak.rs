@@ -459,8 +459,8 @@ impl Run {
         }
     }
 
-    /// Asks for power until this time is over, and on until one of these reasons is told, which a
-    /// set-up of the motor comes before; an error where a motor got power, or by other reasons.
+    /// Asks for power for this time, and longer until one of these reasons is told: the set-up of
+    /// the motor comes first. An error where a motor gets power, or at another reason.
     fn is_refused(
         &mut self,
         seconds: f64,

@@ -61,7 +61,7 @@ struct Group {
     y: Vec<usize>,
     u: Vec<(usize, usize)>,
     /// As of its cluster.
-    authority: f64,
+    least_authority: f64,
 }
 
 impl Motion {
@@ -115,7 +115,7 @@ impl Motion {
         });
         let mut groups = vec![Group::default(); model.clusters.len()];
         for (of, cluster) in groups.iter_mut().zip(&model.clusters) {
-            of.authority = cluster.authority;
+            of.least_authority = cluster.least_authority;
         }
         for (k, c) in model.independent_clusters().into_iter().enumerate() {
             groups[c].y.push(k);
@@ -452,7 +452,7 @@ impl Program<'_> {
                 &mut solved[..p * (N + 1)],
                 p,
                 N + 1,
-                group.authority,
+                group.least_authority,
             )
             .is_none()
             {

@@ -20,7 +20,7 @@ fn what_failed_once_fails_no_more() {
         900_936, // blocked, and behind by less than what counts for certain
         901_251, // a limit passed in a fall before the efforts of arming have grown
         906_696, // efforts of quick set-points in measurements that came late
-        801_759, 812_592, // set-ups that lost frames make long, before the reason is told
+        801_759, 812_592, // lost frames delay the set-up, and with it the reason
     ] {
         tally.run(seed, &drives);
     }
