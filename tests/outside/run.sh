@@ -35,9 +35,15 @@ while [ "$above" != / ]; do
         fail "$above/.cargo configures every build in $place: point TMPDIR elsewhere"
     above=$(dirname "$above")
 done
-mkdir -p "$place/sarrus/server" "$place/robot/src" "$place/robot/.cargo"
-cp -RL "$root/Cargo.toml" "$root/proto" "$root/models" "$place/sarrus/"
-cp -RL "$root/server/dynamics" "$place/sarrus/server/"
+mkdir -p "$place/sarrus" "$place/robot/src" "$place/robot/.cargo"
+(
+    cd "$root"
+    cargo fetch --locked --quiet
+    # cargo names the crates of the workspace by their folders
+    cargo tree --locked --offline -p sarrus-dynamics -p sarrus-models -e normal,build \
+        --prefix none | sed -n "s|.*($root/\([^)]*\)).*|\1|p" | sort -u |
+        xargs cp -RL --parents Cargo.toml -t "$place/sarrus"
+)
 cp "$root/tests/outside/main.rs" "$place/robot/src/main.rs"
 cp "$root/Cargo.lock" "$place/robot/Cargo.lock"
 cat >"$place/robot/Cargo.toml" <<'END'
@@ -57,7 +63,6 @@ portable = ["sarrus-models/portable"]
 [profile.release]
 codegen-units = 1
 END
-(cd "$root" && cargo fetch --locked --quiet)
 cd "$place/robot"
 
 # (a) nothing given: the error says what to do
@@ -65,7 +70,7 @@ if CARGO_TARGET_DIR=$target/outside cargo check --offline --quiet 2>"$place/erro
     fail "a build without FMA went through"
 fi
 wanted="\[target\.'cfg.*\]\$|rustflags = .*\$"
-lines=$(grep -oE "$wanted" "$place/error" | awk '!seen[$0]++')
+lines=$( (grep -oE "$wanted" "$place/error" || true) | awk '!seen[$0]++')
 [ "$(grep -c . <<<"$lines")" -eq 2 ] ||
     fail "the error does not hold the two lines to paste:" "$(cat "$place/error")"
 # the project says the same in its own way: its key within `all`, its flags as one string
