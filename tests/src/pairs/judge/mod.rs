@@ -202,6 +202,7 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
     let held: Vec<usize> = locks.iter().map(|lock| lock.joint).collect();
     let held: Vec<usize> = held.into_iter().filter(|j| !left.contains(j)).collect();
     let oracle = Oracle::new(of, &left, &held, drawn.length);
+    let driving = left.iter().chain(&held).copied().collect();
     let judge = Judge {
         pair,
         seed,
@@ -214,6 +215,7 @@ pub fn case(pair: &str, with: Features, seed: u64, ledger: &mut Ledger) -> bool 
         shared: Arc::new(model.clone()),
         held: locks.iter().filter_map(|lock| Some((lock.joint, lock.position?))).collect(),
         independent,
+        driving,
         is_reduced,
     };
     // files take longer to read than a state to judge
@@ -277,6 +279,8 @@ struct Judge<'a> {
     held: Vec<(usize, f64)>,
     /// Independent joints of the whole robot.
     independent: Vec<usize>,
+    /// Those that are left, and the locked joints in place of the others.
+    driving: Vec<usize>,
     is_reduced: bool,
 }
 
@@ -410,16 +414,13 @@ impl Judge<'_> {
     fn path(&self, zero: &[f64], targets: &[(usize, f64)], step: f64) -> Option<(Vec<f64>, f64)> {
         let mut start = (zero.to_vec(), 1.0);
         if !self.held.is_empty() {
-            let whole = Oracle::new(self.of, &self.independent, &[], self.drawn.length);
-            let locks: Vec<(usize, f64)> = self
-                .held
-                .iter()
-                .filter(|(j, _)| self.independent.contains(j))
-                .map(|(j, x)| (whole.coordinate(*j), *x))
-                .collect();
-            if locks.len() < self.held.len() {
+            let whole = Oracle::new(self.of, &self.driving, &[], self.drawn.length);
+            let all = Oracle::new(self.of, &self.independent, &[], self.drawn.length);
+            if whole.independents().len() != all.independents().len() {
                 return None;
             }
+            let lock = |(j, x): &(usize, f64)| (whole.coordinate(*j), *x);
+            let locks: Vec<(usize, f64)> = self.held.iter().map(lock).collect();
             start = whole.follow(zero, &locks, step)?;
         }
         let (q, pivot) = self.oracle.follow(&start.0, targets, step)?;

@@ -116,6 +116,12 @@ impl Judge<'_> {
             return;
         }
 
+        // nothing says where joints are that are gone
+        if self.is_reduced && path.is_none() {
+            ledger.count("not judged");
+            return;
+        }
+
         // q of the answer in the order of the oracle, polished
         let (q_names, v_names) = oracle.names();
         let at = |names: &[String], within: &[String]| -> Vec<usize> {
