@@ -81,8 +81,8 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         })
     }),
     ("frozen while a load is held", |run| {
-        if !comes_to_rest(run) {
-            return Some(Err("no rest".to_owned()));
+        if let Err(outcome) = comes_to_rest(run) {
+            return outcome;
         }
         let i = (run.chance.bits() % run.world.shafts.len() as u64) as usize;
         let actuator = run.world.shafts[i].actuator;
@@ -92,8 +92,8 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
         found(run, |world, _| freeze(&mut world.shafts[i], true))
     }),
     ("hot while a load is held", |run| {
-        if !comes_to_rest(run) {
-            return Some(Err("no rest".to_owned()));
+        if let Err(outcome) = comes_to_rest(run) {
+            return outcome;
         }
         let before: Vec<[f64; 2]> = run.world.shafts.iter().map(Shaft::at_actuator).collect();
         let outcome = found_of(run, |shaft, _| shaft.temperature = 115.0);
@@ -192,14 +192,19 @@ pub(super) const ATTACKS: &[(&str, Attack)] = &[
     }),
 ];
 
-/// It holds where it is, with its set-points at rest for half a second.
-fn comes_to_rest(run: &mut Run) -> bool {
+/// It holds where it is, with its set-points at rest for half a second; if it is stopped before,
+/// the outcome of its attack: none where the stop has its reason.
+fn comes_to_rest(run: &mut Run) -> Result<(), Outcome> {
     run.rests = true;
     let last_ns = run.world.now_ns.max(run.next.begin_ns + (run.next.seconds * 1e9) as u64);
     while run.world.now_ns < last_ns + 500 * MS {
         run.cycle();
+        if let Some((_, reason)) = run.world.stopped() {
+            let is_true = run.is_true(reason);
+            return Err((!is_true).then(|| Err(format!("no rest: {reason:?}"))));
+        }
     }
-    run.world.stopped().is_none()
+    Ok(())
 }
 
 fn freeze(shaft: &mut Shaft, velocity_too: bool) {

@@ -19,6 +19,7 @@ fn what_failed_once_fails_no_more() {
         808_851, // the strokes of other motors' own loops seen as a velocity
         900_936, // blocked, and behind by less than what counts for certain
         901_251, // a limit passed in a fall before the efforts of arming have grown
+        932_076, // behind its springs on the way to its rest
         906_696, // efforts of quick set-points in measurements that came late
         801_759, 812_592, // lost frames delay the set-up, and with it the reason
     ] {
