@@ -8,7 +8,7 @@ use sarrus_models::Loaded;
 use crate::ShowError;
 
 /// Frames of one query.
-const FRAMES: usize = 32;
+pub(crate) const FRAMES: usize = 32;
 /// Most links on which a force can act: each makes the code longer.
 const TIPS: usize = 2;
 /// States of each function that a page compares.

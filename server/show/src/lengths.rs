@@ -10,7 +10,7 @@ use sarrus_dynamics::{
 use sarrus_generate::{GenerateError, Kernel, Lengths, RandomInputs, Script};
 use serde_json::{Value, json};
 
-use crate::{ShowError, embedded, filled, traced};
+use crate::{ShowError, embedded, filled, picture, traced};
 
 /// Change of a length by which its points are found `[m]`.
 const STEP: f64 = 1.0 / 64.0;
@@ -164,6 +164,12 @@ impl Mechanism {
         description.submechanisms[0].closed_forms = false;
         let compiled = Model::compile(&description).map_err(|error| failed(error.to_string()))?;
         Ok((description, compiled))
+    }
+
+    /// The mechanism at its zero pose: [`crate::picture`]. Allocates.
+    pub fn picture(&self) -> Option<String> {
+        let (description, compiled) = self.compiled(&self.lengths()).ok()?;
+        picture(&description, &compiled.model)
     }
 
     /// The page of the mechanism, with its lengths as inputs of generated code. Allocates.

@@ -6,6 +6,7 @@ mod error;
 mod lengths;
 mod mesh;
 mod motion;
+mod picture;
 mod scene;
 mod visuals;
 
@@ -18,6 +19,7 @@ pub use capability::{
 pub use error::ShowError;
 pub use lengths::{MECHANISMS, Mechanism};
 pub use motion::{Chart, Curve, Motion, POINTS, motion, sparse};
+pub use picture::picture;
 
 /// The stack of a trace: its recursion is as deep as the robot.
 const STACK: usize = 16 << 20;
@@ -148,11 +150,12 @@ fn filled(template: &str, title: &str, scripts: &[&str]) -> String {
         .replace("@SCRIPTS@", &scripts)
 }
 
-/// A page of links to the pages NAME.html of these robots, each with a line about it. Allocates.
-pub fn index(robots: &[(&str, &str)]) -> String {
-    let row = |(name, about): &(&str, &str)| {
+/// A page of links to the pages NAME.html of these robots, each with a line about it and its
+/// [`picture`]. Allocates.
+pub fn index(robots: &[(&str, &str, String)]) -> String {
+    let row = |(name, about, picture): &(&str, &str, String)| {
         let [name, about] = [text(name), text(about)];
-        format!("<li><a href=\"{name}.html\">{name}</a> {about}</li>\n")
+        format!("<li><a href=\"{name}.html\">{picture}{name}</a><p>{about}</p></li>\n")
     };
     include_str!("../page/index.html")
         .replace("@HEAD@", HEAD)

@@ -4,14 +4,12 @@ use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::Loaded;
 use serde_json::{Value, json};
 
-use crate::code::Code;
+use crate::code::{Code, FRAMES};
 use crate::mesh::base64;
 use crate::{LONGEST, Settings, assembled, scene};
 
 /// Most samples of a page.
 pub const POINTS: usize = 2000;
-/// Links of one plan.
-const FRAMES: usize = 32;
 /// Letters of scripts and of a robot without its samples, at most.
 const PARTS: usize = 1_000_000;
 

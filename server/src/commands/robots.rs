@@ -81,12 +81,13 @@ fn gallery(folder: &Path) -> Outcome {
         let settings = sarrus_show::Settings::new(&source, &options, true);
         let page = sarrus_show::page(&loaded, &settings).map_err(Failure::finding)?;
         files.push((folder.join(format!("{robot}.html")), page.into_bytes()));
-        robots.push((robot, about));
+        let picture = sarrus_show::picture(&loaded.description, &loaded.compiled.model);
+        robots.push((robot, about, picture.unwrap_or_default()));
     }
     for mechanism in sarrus_show::MECHANISMS {
         let page = mechanism.page().map_err(Failure::finding)?;
         files.push((folder.join(format!("{}.html", mechanism.name)), page.into_bytes()));
-        robots.push((mechanism.name, mechanism.about));
+        robots.push((mechanism.name, mechanism.about, mechanism.picture().unwrap_or_default()));
     }
     files.push((folder.join("index.html"), sarrus_show::index(&robots).into_bytes()));
     write_new(folder, &files)
