@@ -16,7 +16,7 @@
 //! whose instructions per lambda must not grow with N; `gravity`, the robot at rest, is counted and
 //! not timed.
 //!
-//! To add a bundled robot or a way to close its loops: one line in
+//! To add a way to close the loops of a bundled robot: one line in
 //! `server/report/src/robots/catalogue.rs`. A small robot: `server/report/src/robots/rare.rs`. A
 //! case of the regression gate: one line in `count.sh`, then `benches/count.sh --update`.
 

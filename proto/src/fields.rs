@@ -1,5 +1,5 @@
-//! The table of the fields: name, shape, unit and meaning. The command line, the Python docstrings
-//! and the C header take their texts from it.
+//! The table of the fields: name, shape, unit and meaning. `sarrus ask --fields`, its help, the
+//! manual page and `.ci/book.py` take their texts from it.
 
 use crate::Field;
 
@@ -129,7 +129,8 @@ fields! {
         "state of the momentum observer: external force, momentum, its rate without that force";
     TauExternal "n_vy" "N m, N" "forces along the independents that no given one explains";
     TaskInertia "6 n_frames × 6 n_frames" "mixed" "inertia of the frames, Λ = (J M_y⁻¹ Jᵀ)⁺";
-    TaskBias "6 n_frames" "N m, N" "force of velocities and dampers, Λ (J M_y⁻¹ h − J̇ ẏ)";
+    TaskBias "6 n_frames" "N m, N"
+        "force of velocities and dampers, Λ (J M_y⁻¹ h − J̇ ẏ), h their force along y";
     TaskGravity "6 n_frames" "N m, N" "force of gravity and springs, Λ J M_y⁻¹ g";
     TaskRank "2" "-" "rank of J M_y⁻¹ Jᵀ; its least singular value that counts over the largest";
     TaskTarget "n_frames × 11" "m, -"

@@ -1,14 +1,14 @@
 //! The sarrus server: one process holds a robot's model and answers requests over shared memory.
 //!
-//! [`serve()`] runs it. Two threads share the work. The answering thread (`answering/`) polls
+//! [`serve()`] runs it. Two threads do the work. The answering thread (`answering/`) polls
 //! lanes, services and batches and runs plans. The thread that called [`serve()`] (`upkeep/`)
 //! accepts clients, answers their calls on the control socket, and makes and retires segments and
 //! plans. The threads share counters and bounded channels, and no lock.
 //!
-//! Further threads are optional: one writes the last seconds of requests to a file ([`record`]),
-//! one compiles plans to native code (`kernels/`). `system/` holds all code that depends on the
-//! operating system: placement of threads, limits, SIGBUS, stderr. [`pool`] is the
-//! allocator of programs that serve.
+//! Three threads run beside them: two compute states that need long (`answering/aside.rs`), one
+//! watches upkeep. On request one writes the last seconds of requests to a file ([`record`]) and
+//! one compiles plans to native code (`kernels/`). `system/` holds the placement of threads,
+//! limits, SIGBUS and stderr. [`pool`] is the allocator of programs that serve.
 
 mod answering;
 mod error;

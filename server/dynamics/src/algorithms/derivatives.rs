@@ -205,6 +205,7 @@ pub(crate) fn force_derivatives<T: Real>(
     model: &Model<T>,
     G: &[T],
     pushed: bool,
+    rubbed: Option<&[T]>,
     d: &mut Derivatives<T>,
 ) {
     let n = model.sizes().n_vy;
@@ -223,9 +224,9 @@ pub(crate) fn force_derivatives<T: Real>(
             }
         }
         if cluster.is_serial() {
-            of_joint(model, cluster, d);
+            of_joint(model, cluster, rubbed, d);
         } else {
-            of_cluster(model, cluster, G, d);
+            of_cluster(model, cluster, G, rubbed, d);
             if cluster.parent != 0 {
                 join(cluster, G, d);
             }
@@ -291,7 +292,12 @@ fn see<T: Real>(model: &Model<T>, G: &[T], d: &mut Derivatives<T>) {
 }
 
 /// The block of one joint.
-fn of_joint<T: Real>(model: &Model<T>, cluster: &Cluster<T>, d: &mut Derivatives<T>) {
+fn of_joint<T: Real>(
+    model: &Model<T>,
+    cluster: &Cluster<T>,
+    rubbed: Option<&[T]>,
+    d: &mut Derivatives<T>,
+) {
     let n = model.sizes().n_vy;
     let columns = &d.columns[cluster.velocities()];
     for (j, column) in columns.iter().enumerate() {
@@ -314,6 +320,9 @@ fn of_joint<T: Real>(model: &Model<T>, cluster: &Cluster<T>, d: &mut Derivatives
     for damper in own(&model.terms.dampers, cluster, |damper| damper.v) {
         d.tau_y[1][diagonal(damper.v)] += damper.damping;
     }
+    for (v, slope) in slopes(model, cluster, rubbed) {
+        d.tau_y[1][diagonal(v)] += slope;
+    }
     for rotor in own(&model.terms.rotors, cluster, |rotor| rotor.v) {
         let row = cluster.vy + rotor.v - cluster.v;
         d.M_y[model.sparsity.diagonal_at(row)] += rotor.inertia;
@@ -327,8 +336,28 @@ fn own<'a, X, T>(terms: &'a [X], cluster: &Cluster<T>, v: impl Fn(&X) -> usize) 
     &terms[first..terms.partition_point(|term| v(term) < end)]
 }
 
+/// Derivatives of the friction in a cluster's joints by their velocities, which are given where it
+/// counts: d + F (1 − tanh²(q̇ / v₀)) / v₀.
+fn slopes<'a, T: Real>(
+    model: &'a Model<T>,
+    cluster: &Cluster<T>,
+    qd: Option<&'a [T]>,
+) -> impl Iterator<Item = (usize, T)> + 'a {
+    let all = own(&model.terms.frictions, cluster, |friction| friction.v);
+    all.iter().filter_map(move |of| {
+        let dry = (*qd?.get(of.v)? * of.per_speed).tanh();
+        Some((of.v, (of.coulomb * of.per_speed).mul_add(T::ONE - dry * dry, of.viscous)))
+    })
+}
+
 /// The block of joints that loops tie.
-fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut Derivatives<T>) {
+fn of_cluster<T: Real>(
+    model: &Model<T>,
+    cluster: &Cluster<T>,
+    G: &[T],
+    rubbed: Option<&[T]>,
+    d: &mut Derivatives<T>,
+) {
     let m = cluster.n_vy;
     let n = model.sizes().n_vy;
     let [X, Y, Z] = &mut d.products;
@@ -372,6 +401,10 @@ fn of_cluster<T: Real>(model: &Model<T>, cluster: &Cluster<T>, G: &[T], d: &mut 
     for damper in own(&model.terms.dampers, cluster, |damper| damper.v) {
         let v = damper.v - cluster.v;
         add(v, v, (T::ZERO, damper.damping, T::ZERO));
+    }
+    for (v, slope) in slopes(model, cluster, rubbed) {
+        let v = v - cluster.v;
+        add(v, v, (T::ZERO, slope, T::ZERO));
     }
     for rotor in own(&model.terms.rotors, cluster, |rotor| rotor.v) {
         let v = rotor.v - cluster.v;

@@ -1,4 +1,4 @@
-//! Pages without code: symbols, sources of the equations, closed forms.
+//! Pages without code: symbols, closed forms, derivatives, parameters, sources of the equations.
 
 pub mod closures;
 

@@ -25,13 +25,17 @@ impl Motor {
         0.0 < self.velocity && self.velocity < f64::INFINITY
     }
 
-    /// Least and greatest force at a speed.
+    /// Least and greatest force at a speed; at rest those that begin a motion to either side.
     pub(crate) fn forces(&self, speed: f64) -> [f64; 2] {
         let [forwards, backwards] = self.efficiency;
         let driving = self.effort.min(at(&self.driving, speed.abs())).min(self.power / speed.abs());
         let driving = driving * forwards;
         let braking = self.effort.min(at(&self.braking, speed.abs())) / backwards;
-        if speed < 0.0 { [-driving, braking] } else { [-braking, driving] }
+        match speed {
+            0.0 => [-driving, driving],
+            _ if speed < 0.0 => [-driving, braking],
+            _ => [-braking, driving],
+        }
     }
 }
 

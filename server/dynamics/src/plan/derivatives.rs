@@ -1,6 +1,6 @@
 //! Derivatives of the state and of forces: see [`crate::guide::derivatives`].
 
-use sarrus_proto::{Axes, Field, Request, Status};
+use sarrus_proto::{Axes, Field, QueryOptions, Request, Status};
 
 use crate::algorithms::{self, TreeMotion, in_root};
 use crate::linalg::{factorise_tree, invert, solve_tree};
@@ -71,7 +71,8 @@ impl Plan {
                 d.bodies[frame.body].push(point, of(6 * k), of(6 * k + 3));
             }
         }
-        algorithms::force_derivatives(model, &ws.G, pushed, d);
+        let rubs = self.query.options.contains(QueryOptions::FRICTION);
+        algorithms::force_derivatives(model, &ws.G, pushed, rubs.then_some(&ws.qd), d);
         let n = model.sizes().n_vy;
         for cluster in nonlinear(model) {
             for k in cluster.independents() {
@@ -104,6 +105,7 @@ impl Plan {
             let tree = TreeMotion { q: &ws.q, qd: &ws.qd, qdd: &ws.qdd };
             let scope = &self.needed.scope;
             algorithms::newton_euler(model, scope, &tree, wrench, &mut ws.motion, &mut d.tau_q);
+            self.friction(model, &ws.qd, &mut d.tau_q);
             self.each_given_force(model, input, |v, tau| d.held_q[v] = tau);
         } else {
             d.tau_q.copy_from_slice(&ws.tau_q);

@@ -386,7 +386,7 @@ impl Plan {
 
     /// τ += F tanh(q̇ / v₀) + d q̇, where it is asked.
     #[inline]
-    fn friction<T: Real>(&self, model: &Model<T>, qd: &[T], tau_q: &mut [T]) {
+    pub(super) fn friction<T: Real>(&self, model: &Model<T>, qd: &[T], tau_q: &mut [T]) {
         if self.query.options.contains(QueryOptions::FRICTION) {
             add_friction(model, qd, tau_q);
         }

@@ -7,13 +7,13 @@ use crate::closure::{
     Closure, Level, UNBOUNDED, column_unit, constraint_jacobian, constraint_residual,
     dependents_range, interpolate, largest_residual,
 };
-use crate::mechanism::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, Dof};
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::diagnostics::{nearest, singular};
 use crate::plan::run::RunReport;
 use crate::plan::state::hold_idle;
-use crate::scalar::Real;
+use crate::scalar::{Real, noise};
 use crate::workspace::Workspace;
 
 /// Halvings of the path to an unreachable target.
@@ -22,8 +22,12 @@ const BISECTIONS: u32 = 50;
 const CLOSED: f64 = 1e-8;
 /// The level at which every request for a pose is answered.
 const DEEPEST: Level = Level::Acceleration;
-/// Doublings of a rounding away from a target out of reach.
+/// Doublings of a rounding away from a target out of reach, and from there towards the start.
 const AWAY: u32 = 30;
+/// Lengths of the steps that approach a target, and steps of one length and one independent of
+/// which none comes nearer.
+const LENGTHS: usize = 20;
+const TRIES: usize = 10;
 
 impl Plan {
     /// Keeps the wanted outputs of a cluster that could not be closed, with the requested
@@ -135,43 +139,118 @@ fn last_closed<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>) {
 }
 
 /// Moves the pose in q inside the reach, until a request for its independents is answered: away
-/// from those in `step_y` by 2^k roundings, then towards the start by 2^k roundings of the way.
+/// from those in `step_y` by 2^k roundings, towards the start by 2^k roundings of the way; where
+/// the straight way from the start does not lead there, to the nearest ones of [`approach`].
 fn answered<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>, is_cold: bool) -> bool {
     let cluster = &model.clusters[c];
     let at = cluster.coordinates();
     let mut spare = core::mem::take(&mut ws.dense_spare);
     let nearest = &mut spare[..cluster.n_q];
     nearest.copy_from_slice(&ws.q[at.clone()]);
-    let singles = || {
-        let dofs = cluster.independent.iter().map(|v| cluster.dofs[*v]).enumerate();
-        dofs.filter(|(_, dof)| dof.single)
-    };
-    let away = singles().fold(T::ZERO, |most: T, (k, dof)| {
+    let away = singles(cluster).fold(T::ZERO, |most: T, (k, dof)| {
         let unit = T::from_f64(column_unit(cluster, dof.v));
         most.larger((nearest[dof.q] - ws.step_y[k]).abs() / unit)
     });
-    let rounding = |k: u32| T::from_f64(T::EPSILON * 2_f64.powi(k as i32));
-    let longest = (1.0 / T::EPSILON).log2() as u32;
     let ask =
         |ws: &mut Workspace<T>| ws.close_from(model, c, DEEPEST, is_cold).status == Status::Ok;
     let is_found = ask(ws)
         || T::ZERO.lt(away)
             && (0..AWAY).any(|k| {
-                let part = rounding(k) / away;
-                for (k, dof) in singles() {
+                let part = rounding::<T>(k) / away;
+                for (k, dof) in singles(cluster) {
                     let x = nearest[dof.q];
                     ws.q[cluster.q + dof.q] = (x - ws.step_y[k]).mul_add(part, x);
                 }
                 ask(ws)
             })
-        || (0..=longest).any(|k| {
-            let start = &ws.start[at.clone()];
-            let part = T::ONE - rounding(k);
-            interpolate(cluster, start, nearest, part, &mut ws.q[at.clone()]);
-            ask(ws)
-        });
+        || back(cluster, nearest, AWAY, ws, ask)
+        || {
+            // the request again, up to the last closed pose
+            singles(cluster).for_each(|(k, dof)| ws.q[cluster.q + dof.q] = ws.step_y[k]);
+            ask(ws) || {
+                last_closed(model, c, ws);
+                nearest.copy_from_slice(&ws.q[at]);
+                back(cluster, nearest, u32::MAX, ws, ask) && {
+                    approach(cluster, nearest, ws, ask);
+                    true
+                }
+            }
+        };
     ws.dense_spare = spare;
     is_found
+}
+
+/// The independents of one coordinate, by their places in y.
+fn singles<T: Real>(cluster: &Cluster<T>) -> impl Iterator<Item = (usize, &Dof)> {
+    let dofs = cluster.independent.iter().map(|v| &cluster.dofs[*v]).enumerate();
+    dofs.filter(|(_, dof)| dof.single)
+}
+
+/// 2^k roundings of one.
+fn rounding<T: Real>(k: u32) -> T {
+    T::from_f64(T::EPSILON * 2_f64.powi(k as i32))
+}
+
+/// Goes from a pose towards the start by 2^k roundings of the way, to k at most, until its
+/// independents are answered.
+fn back<T: Real>(
+    cluster: &Cluster<T>,
+    from: &[T],
+    most: u32,
+    ws: &mut Workspace<T>,
+    ask: impl Fn(&mut Workspace<T>) -> bool,
+) -> bool {
+    let at = cluster.coordinates();
+    (0..=most.min((1.0 / T::EPSILON).log2() as u32)).any(|k| {
+        let start = &ws.start[at.clone()];
+        interpolate(cluster, start, from, T::ONE - rounding(k), &mut ws.q[at.clone()]);
+        ask(ws)
+    })
+}
+
+/// Comes nearer to the independents in `step_y` from the answered pose in q, by steps of any
+/// direction to answered poses, of half the length where none of some is nearer: those that a
+/// straight way reaches need not end where the loops become singular.
+fn approach<T: Real>(
+    cluster: &Cluster<T>,
+    best: &mut [T],
+    ws: &mut Workspace<T>,
+    ask: impl Fn(&mut Workspace<T>) -> bool,
+) {
+    let at = cluster.coordinates();
+    let unit = |dof: &Dof| T::from_f64(column_unit(cluster, dof.v));
+    let distance = |q: &[T], y: &[T]| {
+        let miss = |(k, dof): (usize, &Dof)| (q[dof.q] - y[k]) / unit(dof);
+        singles(cluster).map(miss).fold(T::ZERO, |sum, x| x.mul_add(x, sum)).sqrt()
+    };
+    best.copy_from_slice(&ws.q[at.clone()]);
+    let m = cluster.n_vy;
+    let mut length = distance(best, &ws.step_y);
+    let mut draws = 0;
+    for _ in 0..LENGTHS {
+        let mut tries = 0;
+        while tries < TRIES * m {
+            let before = distance(best, &ws.step_y);
+            for (k, dof) in singles(cluster) {
+                // straight on, then anywhere
+                let x = best[dof.q];
+                let step = if tries == 0 {
+                    (ws.step_y[k] - x) * (length / before)
+                } else {
+                    T::from_f64(noise(draws + k)) * length * unit(dof)
+                };
+                ws.q[cluster.q + dof.q] = x + step;
+            }
+            draws += m;
+            tries += 1;
+            if distance(&ws.q[at.clone()], &ws.step_y).lt(before) && ask(ws) {
+                best.copy_from_slice(&ws.q[at.clone()]);
+                tries = 0;
+            }
+        }
+        length *= T::from_f64(0.5);
+    }
+    ws.q[at].copy_from_slice(best);
 }
 
 /// Largest scaled residual of one cluster at the pose in q; leaves its poses in the scratch.
