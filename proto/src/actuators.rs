@@ -231,6 +231,19 @@ impl Default for ActuatorCommand {
     }
 }
 
+impl ActuatorCommand {
+    /// Its lists with their names.
+    pub fn lists(&mut self) -> [(&'static str, &mut [f64; MAX_ACTUATORS]); 5] {
+        [
+            ("position", &mut self.position),
+            ("velocity", &mut self.velocity),
+            ("effort", &mut self.effort),
+            ("stiffness", &mut self.stiffness),
+            ("damping", &mut self.damping),
+        ]
+    }
+}
+
 /// The state of all actuators after a cycle of the bridge, in the order of u.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]

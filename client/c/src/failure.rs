@@ -15,37 +15,47 @@ const LONGEST: usize = 8192;
 const CUT: &str = " ...";
 
 /// Why a call failed.
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// An argument is NULL.
+    #[error("`{0}` is NULL")]
     Null(&'static str),
     /// An argument is not aligned.
+    #[error("`{0}` is not aligned for what it points to")]
     Unaligned(&'static str),
     /// An array that cannot be: more numbers than memory has addresses.
+    #[error("`{0}` has more numbers than there is memory")]
     Endless(&'static str),
     /// An output and another array.
+    #[error("`{0}` overlaps `{1}`; outputs need memory of their own")]
     Overlap(&'static str, &'static str),
     /// A text that cannot be read.
+    #[error("`{0}`: {1}")]
     Text(&'static str, String),
     /// An enum, and the number found in its place.
+    #[error("{1} is no {0} of this version")]
     Number(&'static str, u32),
     /// A name of a field that a plan does not have.
+    #[error("`{0}` is no field of this plan")]
     NoField(String),
     /// A place in a list: the kind of entry, the place, and the number of entries.
+    #[error("there is no {0} {1}; this robot has {2}, counted from 0")]
     Place(&'static str, usize, usize),
     /// There is no memory for these.
+    #[error("there is no memory for {0}; ask for fewer at a time")]
     NoMemory(&'static str),
+    #[error(transparent)]
     Load(LoadError),
-    Ask(Error),
+    #[error(transparent)]
+    Ask(#[from] Error),
+    #[error("nothing new came since the last call")]
     NothingNew,
+    #[error("the command could not be sent; see whether the bridge runs, and connect again")]
     NotSent,
+    #[error("this processor lacks {0}; build libsarrus with the feature `portable`")]
     Processor(&'static str),
+    #[error("a fault inside libsarrus; free the handle, and please report what led to it")]
     Internal,
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Failure {
-        Failure::Ask(error)
-    }
 }
 
 impl From<ConnectError> for Failure {
@@ -77,41 +87,6 @@ impl Failure {
             Failure::NotSent => StatusCode::NotSent,
             Failure::Processor(_) => StatusCode::OldProcessor,
             Failure::Internal => StatusCode::Internal,
-        }
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Failure::Null(what) => write!(f, "`{what}` is NULL"),
-            Failure::Unaligned(what) => write!(f, "`{what}` is not aligned for what it points to"),
-            Failure::Endless(what) => write!(f, "`{what}` has more numbers than there is memory"),
-            Failure::Overlap(a, b) => {
-                write!(f, "`{a}` overlaps `{b}`; outputs need memory of their own")
-            }
-            Failure::Text(what, why) => write!(f, "`{what}`: {why}"),
-            Failure::Number(what, found) => write!(f, "{found} is no {what} of this version"),
-            Failure::NoField(name) => write!(f, "`{name}` is no field of this plan"),
-            Failure::Place(what, found, count) => {
-                write!(f, "there is no {what} {found}; this robot has {count}, counted from 0")
-            }
-            Failure::NoMemory(what) => {
-                write!(f, "there is no memory for {what}; ask for fewer at a time")
-            }
-            Failure::Load(error) => error.fmt(f),
-            Failure::Ask(error) => error.fmt(f),
-            Failure::NothingNew => f.write_str("nothing new came since the last call"),
-            Failure::NotSent => f.write_str(
-                "the command could not be sent; see whether the bridge runs, and connect again",
-            ),
-            Failure::Processor(feature) => write!(
-                f,
-                "this processor lacks {feature}; build libsarrus with the feature `portable`"
-            ),
-            Failure::Internal => f.write_str(
-                "a fault inside libsarrus; free the handle, and please report what led to it",
-            ),
         }
     }
 }

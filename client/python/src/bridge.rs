@@ -223,17 +223,11 @@ pub(crate) fn state_fields<'py>(
 /// The numbers of a command, by name.
 pub(crate) fn command_fields<'py>(
     py: Python<'py>,
-    command: &ActuatorCommand,
+    mut command: ActuatorCommand,
 ) -> PyResult<Bound<'py, PyDict>> {
     let n = usize::try_from(command.n_u).unwrap_or(0).min(MAX_ACTUATORS);
     let dict = fields!(py, command => sequence, stamp_ns, fingerprint);
-    for (name, numbers) in [
-        ("position", &command.position),
-        ("velocity", &command.velocity),
-        ("effort", &command.effort),
-        ("stiffness", &command.stiffness),
-        ("damping", &command.damping),
-    ] {
+    for (name, numbers) in command.lists() {
         dict.set_item(name, numbers.get(..n).unwrap_or_default())?;
     }
     Ok(dict)
@@ -254,29 +248,18 @@ pub(crate) fn command(
         n_u: n as u64,
         ..ActuatorCommand::default()
     };
-    let into = [
-        &mut command.position,
-        &mut command.velocity,
-        &mut command.effort,
-        &mut command.stiffness,
-        &mut command.damping,
-    ];
-    for (numbers, into) in numbers.into_iter().zip(into) {
-        fill(numbers, n, into)?;
+    for (numbers, (_, into)) in numbers.into_iter().zip(command.lists()) {
+        let slots = into.get_mut(..n).filter(|_| numbers.len() == n);
+        let slots = slots.ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "{} number(s) beside {n}: a command has equally many of each, at most \
+                 {MAX_ACTUATORS}",
+                numbers.len()
+            ))
+        })?;
+        slots.copy_from_slice(numbers);
     }
     Ok(command)
-}
-
-fn fill(numbers: &[f64], n: usize, into: &mut [f64; MAX_ACTUATORS]) -> PyResult<()> {
-    let slots = into.get_mut(..n).filter(|_| numbers.len() == n);
-    let slots = slots.ok_or_else(|| {
-        PyValueError::new_err(format!(
-            "{} number(s) beside {n}: a command has equally many of each, at most {MAX_ACTUATORS}",
-            numbers.len()
-        ))
-    })?;
-    slots.copy_from_slice(numbers);
-    Ok(())
 }
 
 /// The operation of a name.

@@ -32,7 +32,12 @@ impl PyFrame {
         fd: bool,
         bit_rate_switch: bool,
     ) -> PyResult<PyFrame> {
-        frame(id, data, extended, fd, bit_rate_switch).map(PyFrame).ok_or_else(|| {
+        let of = |id: Option<Id>| match fd {
+            true => Frame::fd(id?, bit_rate_switch, data),
+            false => Frame::classic(id?, data),
+        };
+        let made = of(if extended { Id::extended(id) } else { Id::standard(id) });
+        made.map(PyFrame).ok_or_else(|| {
             PyValueError::new_err(format!(
                 "no frame has the identifier 0x{id:X} (extended: {extended}) and {} bytes (FD: \
                     {fd})",
@@ -74,18 +79,6 @@ impl PyFrame {
     fn __repr__(&self) -> String {
         format!("<Frame {}>", self.0)
     }
-}
-
-/// A frame of its parts; `None` for parts that no frame has.
-pub(crate) fn frame(
-    id: u32,
-    data: &[u8],
-    extended: bool,
-    fd: bool,
-    bit_rate_switch: bool,
-) -> Option<Frame> {
-    let id = if extended { Id::extended(id)? } else { Id::standard(id)? };
-    if fd { Frame::fd(id, bit_rate_switch, data) } else { Frame::classic(id, data) }
 }
 
 /// Frames as a list.

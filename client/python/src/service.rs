@@ -199,7 +199,7 @@ impl PyController {
         let Some(End::Observer(_, commands)) = &self.end else {
             return Err(PyOSError::new_err("only an observer (`watch=True`) sees commands"));
         };
-        commands.command().map(|command| command_fields(py, &command)).transpose()
+        commands.command().map(|command| command_fields(py, command)).transpose()
     }
 
     /// Leaves the shared memory.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use sarrus_show::{CapabilityError, Choices, capability, capability_page};
 
-use super::output::{Failure, Outcome, Results};
+use super::output::{Failure, Outcome, Results, write};
 use super::progress::Progress;
 use super::robot::RobotFlags;
 
@@ -58,9 +58,7 @@ impl Capability {
             Some("csv") => maps.iter().map(|map| map.to_csv()).collect::<Vec<_>>().join("\n"),
             _ => json(),
         };
-        let failed =
-            |error| Failure::start(format!("{} cannot be written: {error}", path.display()));
-        std::fs::write(&path, text).map_err(failed)?;
+        write(&path, text)?;
         Ok(Results { text: format!("{}\n", path.display()), code: 0 })
     }
 }

@@ -1,14 +1,13 @@
 //! `sarrus identify`: masses, inertias and friction from a motion.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
 use sarrus_identify::{Estimate, IdentifyError, Log, identify};
 use sarrus_models::{Loaded, texts, with_inertials};
 
-use super::output::{Failure, FormatFlag, Outcome, Results};
+use super::output::{Failure, FormatFlag, Outcome, Results, write};
 use super::robot::RobotFlags;
 use super::table::table;
 
@@ -49,9 +48,7 @@ impl Identify {
                 estimate.links.iter().map(|link| (link.name.as_str(), link.inertial)).collect();
             let text = String::from_utf8(urdf).map_err(Failure::start)?;
             let text = with_inertials(&text, &links).map_err(Failure::start)?;
-            let failed =
-                |error| Failure::start(format!("{} cannot be written: {error}", path.display()));
-            fs::write(path, text).map_err(failed)?;
+            write(path, text)?;
         }
         let text = self.format.render(&estimate.to_json(), |_| words(&estimate));
         Ok(Results { text, code: 0 })

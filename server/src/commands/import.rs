@@ -10,7 +10,7 @@ use clap::Args;
 use sarrus_client::Options;
 use sarrus_models::{Imported, LoadError, Report, import};
 
-use super::output::{Failure, Outcome, Results, labelled, write_new};
+use super::output::{Failure, Outcome, Results, file_name, labelled, write_new};
 use super::robot::{diagnostics, notes};
 
 /// Longest time of the program `xacro`.
@@ -62,8 +62,7 @@ impl Import {
 
     /// Writes both files; their names, and the facts about the closed robot.
     fn write(&self, imported: &Imported) -> Result<String, Failure> {
-        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-        let name: String = imported.name.chars().map(plain).collect();
+        let name = file_name(&imported.name);
         let path = |ending: &str| self.out.join(format!("{name}.{ending}"));
         let files =
             [(path("urdf"), imported.urdf.clone()), (path("yml"), imported.submechanisms.clone())];

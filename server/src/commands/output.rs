@@ -98,7 +98,6 @@ impl From<LoadError> for Failure {
 }
 
 /// A robot's name as that of a file, which leads to no other folder.
-#[cfg(any(feature = "show", feature = "report"))]
 pub(crate) fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     name.chars().map(plain).collect()
@@ -164,6 +163,12 @@ pub(crate) fn wait_for(stream: &impl AsFd, event: PollFlags) -> io::Result<()> {
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
     }
+}
+
+/// Writes a file.
+pub(crate) fn write(path: &Path, text: impl AsRef<[u8]>) -> Result<(), Failure> {
+    let failed = |error| Failure::start(format!("{} cannot be written: {error}", path.display()));
+    fs::write(path, text).map_err(failed)
 }
 
 /// Writes files into a folder, all or none, and never over an existing file; the results are their

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use sarrus_show::{Meshes, Settings, page};
 
-use super::output::{Failure, Outcome, Results, file_name};
+use super::output::{Failure, Outcome, Results, file_name, write};
 use super::robot::RobotFlags;
 use super::{Choices, choice};
 
@@ -39,9 +39,7 @@ impl Show {
         let text = page(&loaded, &settings).map_err(Failure::finding)?;
         let usual = || PathBuf::from(file_name(loaded.compiled.model.name()) + ".html");
         let path = self.out.unwrap_or_else(usual);
-        let failed =
-            |error| Failure::start(format!("{} cannot be written: {error}", path.display()));
-        std::fs::write(&path, text).map_err(failed)?;
+        write(&path, text)?;
         Ok(Results { text: format!("{}\n", path.display()), code: 0 })
     }
 }

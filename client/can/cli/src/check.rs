@@ -46,13 +46,16 @@ impl Check {
                 }
                 ExitCode::SUCCESS
             }
-            Err(ConfigurationError::Faults(report)) => {
+            Err(ConfigurationError::Faults(Report { errors, warnings, .. })) => {
                 match self.format {
-                    Format::Text => tell(&report),
-                    Format::Json => println!(
-                        "{}",
-                        json!({"errors": report.errors, "warnings": report.warnings})
-                    ),
+                    Format::Text => {
+                        errors.iter().for_each(|error| eprintln!("{error}"));
+                        warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+                        eprintln!("{} errors, {} warnings", errors.len(), warnings.len());
+                    }
+                    Format::Json => {
+                        println!("{}", json!({"errors": errors, "warnings": warnings}));
+                    }
                 }
                 ExitCode::from(1)
             }
@@ -62,12 +65,6 @@ impl Check {
             }
         }
     }
-}
-
-fn tell(report: &Report) {
-    report.errors.iter().for_each(|error| eprintln!("{error}"));
-    report.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    eprintln!("{} errors, {} warnings", report.errors.len(), report.warnings.len());
 }
 
 /// The frames of a command of zeros.

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
+use sarrus_can_core::log::dumped;
 use sarrus_can_run::bus::{self, Address, Bus, Heard, Reconnecting};
 use sarrus_client::now_ns;
 
@@ -48,21 +49,18 @@ fn listen(arguments: &Listen) -> Result<(), Box<dyn std::error::Error>> {
     while !stop.load(Ordering::Relaxed) {
         bus::wait_for_bus(&bus, Duration::from_millis(100))?;
         while let Some(heard) = bus.next()? {
-            let now_ns = now_ns();
-            let seconds = now_ns / 1_000_000_000;
-            let micros = now_ns / 1000 % 1_000_000;
             match heard {
                 Heard::Frame(frame) => {
                     let mut out = io::stdout().lock();
-                    if writeln!(out, "({seconds}.{micros:06}) {channel} {frame}")
-                        .and_then(|()| out.flush())
-                        .is_err()
-                    {
+                    let line = dumped(now_ns(), channel, frame);
+                    if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
                         // the reader has gone
                         return Ok(());
                     }
                 }
-                Heard::Event(event) => eprintln!("({seconds}.{micros:06}) {channel} {event:?}"),
+                Heard::Event(event) => {
+                    eprintln!("{}", dumped(now_ns(), channel, format_args!("{event:?}")));
+                }
             }
         }
     }

@@ -49,6 +49,16 @@ impl BusState {
             BusState::Off => "off",
         }
     }
+
+    /// The event of a bus that gets there.
+    pub(crate) const fn event(self) -> BusEvent {
+        match self {
+            BusState::Active => BusEvent::ErrorActive,
+            BusState::Warning => BusEvent::ErrorWarning,
+            BusState::Passive => BusEvent::ErrorPassive,
+            BusState::Off => BusEvent::BusOff,
+        }
+    }
 }
 
 impl BusEvent {

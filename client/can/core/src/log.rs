@@ -140,18 +140,17 @@ impl Line {
                 }
             }
             What::Command(command) => {
-                let command = json!({
+                let mut command = **command;
+                let mut fields = json!({
                     "sequence": command.sequence,
                     "stamp_ns": command.stamp_ns,
                     "fingerprint": command.fingerprint,
                     "n_u": command.n_u,
-                    "position": command.position.get(..n_u),
-                    "velocity": command.velocity.get(..n_u),
-                    "effort": command.effort.get(..n_u),
-                    "stiffness": command.stiffness.get(..n_u),
-                    "damping": command.damping.get(..n_u),
                 });
-                json!({"t": t, "command": command})
+                for (name, list) in command.lists() {
+                    fields[name] = json!(list.get(..n_u));
+                }
+                json!({"t": t, "command": fields})
             }
             What::Cycle => json!({"t": t, "cycle": true}),
             What::State(words) => {
@@ -175,18 +174,21 @@ pub fn fault(bridge: &Bridge) -> Option<String> {
     })
 }
 
-/// The frames of the bridge's last cycle at `t` `[ns]`, a line each, as `candump -L` writes them.
+/// The frames of the bridge's last cycle at `t` `[ns]`, a line each.
 pub fn sent(bridge: &Bridge, t: u64) -> impl Iterator<Item = String> {
-    let seconds = t / 1_000_000_000;
-    let micros = t % 1_000_000_000 / 1000;
     let buses = bridge.configuration().buses.iter().enumerate();
     buses.flat_map(move |(bus, config)| {
-        bridge
-            .frames(bus)
-            .iter()
-            .map(move |frame| format!("({seconds}.{micros:06}) {} {frame}", config.name))
+        bridge.frames(bus).iter().map(move |frame| dumped(t, &config.name, frame))
     })
 }
+
+/// A frame, or other news of a bus at `t` `[ns]`, as `candump -L` writes frames.
+pub fn dumped(t: u64, bus: &str, what: impl core::fmt::Display) -> String {
+    format!("({}.{:06}) {bus} {what}", t / 1_000_000_000, t % 1_000_000_000 / 1000)
+}
+
+/// The whole numbers of a command; its lists follow them.
+const WHOLE: [&str; 4] = ["sequence", "stamp_ns", "fingerprint", "n_u"];
 
 /// Place of an actuator by its name.
 fn actuator(name: &Value, configuration: &Configuration) -> Result<usize, String> {
@@ -196,19 +198,11 @@ fn actuator(name: &Value, configuration: &Configuration) -> Result<usize, String
 
 fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorCommand, String> {
     let Value::Object(given) = fields else { return Err("the command is no mapping".to_owned()) };
-    const KEYS: [&str; 9] = [
-        "sequence",
-        "stamp_ns",
-        "fingerprint",
-        "n_u",
-        "position",
-        "velocity",
-        "effort",
-        "stiffness",
-        "damping",
-    ];
-    if let Some(unknown) = given.keys().find(|key| !KEYS.contains(&key.as_str())) {
-        return Err(format!("a command has no `{unknown}`, expected {}", KEYS.join(", ")));
+    let mut command = ActuatorCommand::default();
+    let lists = command.lists().map(|(name, _)| name);
+    let known: Vec<&str> = WHOLE.into_iter().chain(lists).collect();
+    if let Some(unknown) = given.keys().find(|key| !known.contains(&key.as_str())) {
+        return Err(format!("a command has no `{unknown}`, expected {}", known.join(", ")));
     }
     let whole = |key: &str, otherwise: u64| {
         given
@@ -232,17 +226,14 @@ fn command(fields: &Value, configuration: &Configuration) -> Result<ActuatorComm
         }
         Ok::<_, String>(numbers)
     };
-    Ok(ActuatorCommand {
-        sequence: whole("sequence", 0)?,
-        stamp_ns: whole("stamp_ns", 0)?,
-        fingerprint: whole("fingerprint", configuration.fingerprint)?,
-        n_u: whole("n_u", configuration.actuators.len() as u64)?,
-        position: numbers("position")?,
-        velocity: numbers("velocity")?,
-        effort: numbers("effort")?,
-        stiffness: numbers("stiffness")?,
-        damping: numbers("damping")?,
-    })
+    command.sequence = whole("sequence", 0)?;
+    command.stamp_ns = whole("stamp_ns", 0)?;
+    command.fingerprint = whole("fingerprint", configuration.fingerprint)?;
+    command.n_u = whole("n_u", configuration.actuators.len() as u64)?;
+    for (name, list) in command.lists() {
+        *list = numbers(name)?;
+    }
+    Ok(command)
 }
 
 #[cfg(test)]

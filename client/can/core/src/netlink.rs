@@ -7,7 +7,7 @@
 
 use thiserror::Error;
 
-use crate::event::BusEvent;
+use crate::event::{BusEvent, BusState};
 
 /// Kinds of messages.
 const GET_LINK: u16 = 18;
@@ -31,31 +31,18 @@ const DATA: u16 = 2;
 const TIMING: u16 = 1;
 const STATE: u16 = 4;
 const DATA_TIMING: u16 = 9;
+/// `CAN_STATE_BUS_OFF`, after which come those of controllers that are stopped or asleep.
+const OFF: u32 = 3;
 /// Flag bits in an attribute's type.
 const FLAGS: u16 = 0xC000;
 /// Bit rates that differ by less than this fraction interoperate: clocks do not divide into every
 /// rate exactly.
 const SAME_RATE: f64 = 0.005;
 
-/// The error state of a controller on its bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Controller {
-    /// Takes part fully.
-    Active,
-    /// 96 errors or more.
-    Warning,
-    /// 128 errors or more.
-    Passive,
-    /// Has left the bus.
-    Off,
-    /// Stopped or asleep: the interface is down.
-    Stopped,
-}
-
 /// A CAN interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interface {
-    /// It is up.
+    /// It is up, and its controller is neither stopped nor asleep.
     pub is_up: bool,
     /// Largest frame: 16 without CAN FD, 72 with it.
     pub mtu: u32,
@@ -66,8 +53,8 @@ pub struct Interface {
     pub bitrate: Option<u32>,
     /// Bit rate of the data of FD frames `[bit/s]`.
     pub data_bitrate: Option<u32>,
-    /// `None` where there is no controller.
-    pub controller: Option<Controller>,
+    /// State of the controller; `None` where there is none.
+    pub controller: Option<BusState>,
 }
 
 /// Why an interface cannot be used.
@@ -141,15 +128,15 @@ impl Interface {
         // the bit rate is the first number of `can_bittiming`; a rate that is
         // not set, or known to the adapter only, is 0 or −1
         let rate = |kind: u16| number(data, kind).filter(|rate| !matches!(*rate, 0 | u32::MAX));
-        let controller = number(data, STATE).map(|state| match state {
-            0 => Controller::Active,
-            1 => Controller::Warning,
-            2 => Controller::Passive,
-            3 => Controller::Off,
-            _ => Controller::Stopped,
+        let state = number(data, STATE);
+        let controller = state.map(|state| match state {
+            0 => BusState::Active,
+            1 => BusState::Warning,
+            2 => BusState::Passive,
+            _ => BusState::Off,
         });
         Ok(Interface {
-            is_up: flags & UP != 0,
+            is_up: flags & UP != 0 && state.is_none_or(|state| state <= OFF),
             mtu,
             queue: number(list, QUEUE).unwrap_or(0),
             bitrate: rate(TIMING),
@@ -171,10 +158,10 @@ impl Interface {
     ) -> Result<Option<BusEvent>, InterfaceError> {
         let set = set_up(name, bitrate, data_bitrate, self.controller.is_some());
         let name = name.to_owned();
-        if !self.is_up || self.controller == Some(Controller::Stopped) {
+        if !self.is_up {
             return Err(InterfaceError::Down { name, set });
         }
-        if self.controller == Some(Controller::Off) {
+        if self.controller == Some(BusState::Off) {
             return Err(InterfaceError::Off(name));
         }
         if data_bitrate.is_some() && self.mtu != FD_MTU {
@@ -189,11 +176,7 @@ impl Interface {
                 return Err(InterfaceError::OtherBitrate { name, what, found, expected, set });
             }
         }
-        Ok(match self.controller {
-            Some(Controller::Warning) => Some(BusEvent::ErrorWarning),
-            Some(Controller::Passive) => Some(BusEvent::ErrorPassive),
-            _ => None,
-        })
+        Ok(self.controller.filter(|state| *state != BusState::Active).map(BusState::event))
     }
 
     /// Advice on a queue in which more than a cycle's frames wait: it makes torques old.

@@ -206,16 +206,6 @@ impl Key {
         Key::new(name, KeyKind::Number(least, most), about)
     }
 
-    /// A number between two bounds, or `off`.
-    pub const fn number_or_off(
-        name: &'static str,
-        least: f64,
-        most: f64,
-        about: &'static str,
-    ) -> Key {
-        Key::new(name, KeyKind::NumberOrOff(least, most), about)
-    }
-
     /// One of several words.
     pub const fn word(
         name: &'static str,
@@ -228,11 +218,6 @@ impl Key {
     /// Any text.
     pub const fn text(name: &'static str, about: &'static str) -> Key {
         Key::new(name, KeyKind::Text, about)
-    }
-
-    /// The name of a file.
-    pub const fn file(name: &'static str, about: &'static str) -> Key {
-        Key::new(name, KeyKind::File, about)
     }
 
     /// `true` or `false`.

@@ -73,10 +73,7 @@ impl Line {
     /// a lost one.
     pub fn event(&self) -> Option<BusEvent> {
         match self {
-            Line::State(BusState::Active) => Some(BusEvent::ErrorActive),
-            Line::State(BusState::Warning) => Some(BusEvent::ErrorWarning),
-            Line::State(BusState::Passive) => Some(BusEvent::ErrorPassive),
-            Line::State(BusState::Off) => Some(BusEvent::BusOff),
+            Line::State(state) => Some(state.event()),
             Line::Refused => Some(BusEvent::Dropped(1)),
             Line::Errors { overrun: true } | Line::Garbled => Some(BusEvent::Overrun(1)),
             _ => None,

@@ -11,15 +11,6 @@ const LONGEST_NS: u64 = 10_000_000_000;
 /// Time between two sets of statistics `[ns]`.
 const STATISTICS_NS: u64 = 500_000_000;
 
-/// Times of one cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CycleTimes {
-    /// From the scheduled time of the cycle to its start `[ns]`.
-    pub wake_ns: u64,
-    /// From its start to its last frame `[ns]`.
-    pub work_ns: u64,
-}
-
 /// Distributions since the start, in a fixed amount of memory.
 #[derive(Debug)]
 pub struct Telemetry {
@@ -73,11 +64,12 @@ impl Telemetry {
         })
     }
 
-    /// Takes a cycle that has just ended.
-    pub fn cycle(&mut self, bridge: &Bridge, times: CycleTimes) {
+    /// Takes a cycle that has just ended: from its scheduled time to its start, and from its start
+    /// to its last frame `[ns]`.
+    pub fn cycle(&mut self, bridge: &Bridge, wake_ns: u64, work_ns: u64) {
         let counters = bridge.counters();
-        self.wake.saturating_record(times.wake_ns);
-        self.work.saturating_record(times.work_ns);
+        self.wake.saturating_record(wake_ns);
+        self.work.saturating_record(work_ns);
         if counters.commands.accepted > 0 {
             self.age.saturating_record(counters.age_ns);
         }

@@ -21,5 +21,6 @@ mod running;
 pub mod stderr;
 
 pub use journal::{Journal, JournalWriter, journal};
+pub use positions::write_whole;
 pub use rules::Report;
 pub use running::{Prepared, Running, Settings, prepare};

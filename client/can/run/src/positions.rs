@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -18,6 +18,7 @@ use std::time::Duration;
 use sarrus_can_core::bridge::Bridge;
 use sarrus_can_core::config::{BusConfig, Configuration};
 
+use crate::bus::is_pseudo_terminal;
 use crate::stderr::say;
 
 /// Time between two looks at the positions, and cycles between two notes of them.
@@ -104,7 +105,7 @@ impl Positions {
             let is_last = is_over.load(Relaxed);
             let text = self.text();
             if text != written {
-                if let Err(error) = self.write(&text)
+                if let Err(error) = write_whole(&self.file, &text)
                     && !has_failed
                 {
                     has_failed = true;
@@ -130,25 +131,26 @@ impl Positions {
         }
         text
     }
+}
 
-    /// The file is whole at any time.
-    fn write(&self, text: &str) -> std::io::Result<()> {
-        if let Some(folder) = self.file.parent() {
-            fs::create_dir_all(folder)?;
-        }
-        let new = self.file.with_extension("new");
-        let mut file = fs::File::create(&new)?;
-        file.write_all(text.as_bytes())?;
-        file.sync_all()?;
-        fs::rename(&new, &self.file)
+/// Writes a file that is whole at any time, and its folder where that is missing.
+///
+/// # Errors
+/// The system's message; an older file is then as it was.
+pub fn write_whole(path: &Path, text: &str) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
     }
+    let new = path.with_extension("new");
+    let mut file = fs::File::create(&new)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()?;
+    fs::rename(&new, path)
 }
 
 /// Nothing real is on a virtual bus or behind a pseudo-terminal.
 fn is_simulated(bus: &BusConfig) -> bool {
-    let is_pseudo =
-        || fs::canonicalize(&bus.channel).is_ok_and(|channel| channel.starts_with("/dev/pts"));
-    bus.interface == "virtual" || is_pseudo()
+    bus.interface == "virtual" || is_pseudo_terminal(&bus.channel)
 }
 
 #[cfg(test)]

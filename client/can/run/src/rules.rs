@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
-use rustix::time::Timespec;
 use sarrus_can_core::bridge::{Bridge, BusEvent};
 use sarrus_can_core::log::{Line, What};
-use sarrus_can_core::telemetry::{CycleTimes, Telemetry};
+use sarrus_can_core::telemetry::Telemetry;
 use sarrus_proto::bridge::BridgeEnd;
+use sarrus_proto::socket::timespec;
 use sarrus_proto::watch::Times;
 
 use crate::bus::Heard;
@@ -56,10 +57,7 @@ impl Rules {
             let begin = now_ns();
             self.cycle(begin);
             let end = now_ns();
-            self.telemetry.cycle(
-                &self.bridge,
-                CycleTimes { wake_ns: begin.saturating_sub(deadline), work_ns: end - begin },
-            );
+            self.telemetry.cycle(&self.bridge, begin.saturating_sub(deadline), end - begin);
             if let Some(statistics) = self.telemetry.due(&self.bridge, end) {
                 self.services.publish_statistics(&statistics);
             }
@@ -129,9 +127,6 @@ impl Rules {
 /// Sleeps until a time of the monotonic clock; a signal wakes it early, and then the cycle is
 /// early.
 fn sleep_until(deadline_ns: u64) {
-    let time = Timespec {
-        tv_sec: (deadline_ns / 1_000_000_000) as i64,
-        tv_nsec: (deadline_ns % 1_000_000_000) as i64,
-    };
+    let time = timespec(Duration::from_nanos(deadline_ns));
     let _ = clock_nanosleep_absolute(ClockId::Monotonic, &time);
 }

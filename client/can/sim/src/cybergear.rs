@@ -22,6 +22,7 @@
 //! (measured), 7028 and 200C time without commands in 50 µs after which it turns its torque off, 0
 //! when new. Source: Xiaomi, *CyberGear user manual*, chapter 4.
 
+use super::mit::code;
 use super::{Firmware, Plant, extended};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
@@ -80,24 +81,24 @@ impl CyberGear {
     }
 
     /// Type 2.
-    fn tell(&self, host: u8, plant: &Plant, out: &mut FrameQueue) {
+    fn tell(&self, plant: &Plant, out: &mut FrameQueue) {
         let mode = if plant.power { 2 } else { 0 };
         let id = 2 << 24
             | mode << 22
             | (plant.fault & 0x3F) << 16
             | u32::from(self.id) << 8
-            | u32::from(host);
+            | u32::from(self.host);
         let [position, velocity, torque, ..] = self.ranges;
         let measured = [
-            code(plant.measured(), position),
-            code(plant.velocity, velocity),
-            code(plant.torque, torque),
+            code(plant.measured(), position, 16) as u16,
+            code(plant.velocity, velocity, 16) as u16,
+            code(plant.torque, torque, 16) as u16,
             (plant.temperature * 10.0) as u16,
         ];
         out.push_some(extended(id, measured.map(u16::to_be_bytes).as_flattened()));
     }
 
-    fn read(&self, host: u8, index: u16, plant: &Plant, out: &mut FrameQueue) {
+    fn read(&self, index: u16, plant: &Plant, out: &mut FrameQueue) {
         let float = |number: f64| (number as f32).to_le_bytes();
         let value = match index {
             0x7005 => u32::from(self.run_mode).to_le_bytes(),
@@ -115,7 +116,7 @@ impl CyberGear {
             _ => return,
         };
         let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value);
-        let id = 17 << 24 | u32::from(self.id) << 8 | u32::from(host);
+        let id = 17 << 24 | u32::from(self.id) << 8 | u32::from(self.host);
         out.push_some(extended(id, &[low, high, 0, 0, a, b, c, d]));
     }
 
@@ -164,7 +165,6 @@ impl Firmware for CyberGear {
             self.host = host;
         }
         match kind {
-            0 => out.push_some(self.presence()),
             1 => {
                 // in this type the whole content is the torque, and the host goes without a number
                 let [p, v, t, k, s] = self.ranges;
@@ -176,46 +176,31 @@ impl Firmware for CyberGear {
                 if self.run_mode == 0 {
                     plant.follow(Setpoint { position, velocity, torque, stiffness, damping });
                 }
-                self.tell(self.host, plant, out);
             }
-            3 => {
-                plant.start();
-                self.tell(host, plant, out);
-            }
+            3 => plant.start(),
             4 => {
                 plant.stop();
                 if a == 1 {
                     plant.fault = 0;
                 }
-                self.tell(host, plant, out);
             }
-            6 => {
-                if a == 1 {
-                    plant.zero = plant.position;
-                    plant.law.position = 0.0;
-                }
-                self.tell(host, plant, out);
+            6 if a == 1 => {
+                plant.zero = plant.position;
+                plant.law.position = 0.0;
             }
-            7 => {
-                // the upper half of the content is the new number, the lower one the host's
-                self.id = high;
-                out.push_some(self.presence());
-            }
-            22 => self.tell(host, plant, out),
-            17 => self.read(host, index, plant, out),
-            18 => {
-                self.write(index, [e, f, g, h], plant);
-                self.tell(host, plant, out);
-            }
+            // the upper half of the content is the new number, the lower one the host's
+            7 => self.id = high,
+            18 => self.write(index, [e, f, g, h], plant),
+            0 | 6 | 17 | 22 => {}
             _ => return false,
+        }
+        match kind {
+            0 | 7 => out.push_some(self.presence()),
+            17 => self.read(index, plant, out),
+            _ => self.tell(plant, out),
         }
         true
     }
-}
-
-/// A number as 16 bits over ± `range`; beyond it wraps around.
-fn code(number: f64, range: f64) -> u16 {
-    ((number + range) / (2.0 * range) * 65535.0) as i64 as u16
 }
 
 /// A number of 16 bits over ± `range`.

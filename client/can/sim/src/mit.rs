@@ -138,29 +138,18 @@ impl Mit {
             [(velocity >> 4) as u8, ((velocity & 0xF) << 4 | torque >> 8) as u8, torque as u8];
         let temperature = plant.temperature;
         let id = self.id as u8;
-        let frame = match self.variant {
-            Variant::MiniCheetah => {
-                let supply = (SUPPLY / 40.0 * 255.0) as u8;
-                standard(self.reply_id, &[id, p, q, v, w, t, supply])
-            }
-            Variant::TMotor => standard(
-                self.reply_id,
-                &[id, p, q, v, w, t, (temperature + 40.0) as u8, plant.fault as u8],
-            ),
+        let (first, [g, h], len) = match self.variant {
+            Variant::MiniCheetah => (id, [(SUPPLY / 40.0 * 255.0) as u8, 0], 7),
+            Variant::TMotor => (id, [(temperature + 40.0) as u8, plant.fault as u8], 8),
             Variant::Damiao => {
-                let state =
-                    if plant.fault != 0 { plant.fault as u8 } else { u8::from(plant.power) };
-                standard(
-                    self.reply_id,
-                    &[state << 4 | id & 0xF, p, q, v, w, t, temperature as u8, temperature as u8],
-                )
+                let is_on = u8::from(plant.power);
+                let state = if plant.fault != 0 { plant.fault as u8 } else { is_on };
+                (state << 4 | id & 0xF, [temperature as u8; 2], 8)
             }
-            Variant::RobStride => {
-                let [high, low] = ((temperature * 10.0) as u16).to_be_bytes();
-                standard(self.reply_id, &[id, p, q, v, w, t, high, low])
-            }
+            Variant::RobStride => (id, ((temperature * 10.0) as u16).to_be_bytes(), 8),
         };
-        out.push_some(frame);
+        let bytes = [first, p, q, v, w, t, g, h];
+        out.push_some(bytes.get(..len).and_then(|bytes| standard(self.reply_id, bytes)));
     }
 
     /// Registers of a Damiao.
@@ -240,7 +229,7 @@ impl Firmware for Mit {
 }
 
 /// A number as offset binary over ± `range`, cut, and with its higher bits lost.
-fn code(number: f64, range: f64, bits: u32) -> u32 {
+pub(super) fn code(number: f64, range: f64, bits: u32) -> u32 {
     let most = ((1u32 << bits) - 1) as f64;
     ((number + range) / (2.0 * range) * most) as i64 as u32 & ((1 << bits) - 1)
 }

@@ -32,13 +32,9 @@ const KEPT: usize = 4;
 pub(super) struct RecordFile {
     file: File,
     header: Header,
-    /// Number of the current segment, from 1; 0 before the first.
-    segment: u64,
-    /// Offset of the next frame in it `[byte]`.
-    at: u64,
-    /// Sequence of the next frame.
-    sequence: u64,
-    /// Frames not written yet; they end at `at`.
+    /// The end, with the pending frames.
+    end: Settled,
+    /// Frames not written yet; they end at `end`.
     batch: Vec<u8>,
 }
 
@@ -80,14 +76,13 @@ impl RecordFile {
         }
         let batch = Vec::with_capacity(BATCH);
         // no room: the first frame begins the first segment
-        let at = header.segment;
-        Ok(RecordFile { file, header, segment: 0, at, sequence: 0, batch })
+        let end = Settled { at: header.segment, ..Settled::default() };
+        Ok(RecordFile { file, header, end, batch })
     }
 
     /// The end of the file, once every frame is flushed.
     pub(super) fn end(&self) -> Settled {
-        let RecordFile { segment, at, sequence, .. } = *self;
-        Settled { taken: 0, segment, at, sequence }
+        self.end
     }
 
     /// Adds a frame.
@@ -96,17 +91,17 @@ impl RecordFile {
     /// The error of a write, if one was due.
     pub(super) fn add(&mut self, body: &[u64]) -> io::Result<()> {
         let n_bytes = WORD * (FRAME_HEAD + body.len());
-        if self.at + n_bytes as u64 > self.header.segment {
+        if self.end.at + n_bytes as u64 > self.header.segment {
             self.flush()?;
-            self.segment += 1;
-            self.at = 0;
-            let head = segment_head(self.header.run, self.segment, self.sequence);
+            self.end.segment += 1;
+            self.end.at = 0;
+            let head = segment_head(self.header.run, self.end.segment, self.end.sequence);
             self.put(head);
         }
-        let head = frame_head(self.header.run, self.segment, self.sequence, body);
+        let head = frame_head(self.header.run, self.end.segment, self.end.sequence, body);
         self.put(head);
         self.put(body.iter().copied());
-        self.sequence += 1;
+        self.end.sequence += 1;
         if self.batch.len() >= BATCH / 2 { self.flush() } else { Ok(()) }
     }
 
@@ -118,8 +113,8 @@ impl RecordFile {
         if self.batch.is_empty() {
             return Ok(());
         }
-        let index = (self.segment - 1) % self.header.segments;
-        let start = self.header.segment_at(index) + self.at - self.batch.len() as u64;
+        let index = (self.end.segment - 1) % self.header.segments;
+        let start = self.header.segment_at(index) + self.end.at - self.batch.len() as u64;
         let written = self.file.write_all_at(&self.batch, start);
         self.batch.clear();
         written
@@ -128,7 +123,7 @@ impl RecordFile {
     fn put(&mut self, words: impl IntoIterator<Item = u64>) {
         let before = self.batch.len();
         self.batch.extend(words.into_iter().flat_map(u64::to_le_bytes));
-        self.at += (self.batch.len() - before) as u64;
+        self.end.at += (self.batch.len() - before) as u64;
     }
 }
 
@@ -185,9 +180,7 @@ pub fn complete(path: &Path) -> io::Result<()> {
     if header_of(&file).ok() != Some(header) || !ends_at(&file, &header, end) {
         return Err(io::Error::other("the records in /dev/shm do not continue the file"));
     }
-    let Settled { segment, at, sequence, .. } = end;
-    let batch = Vec::with_capacity(BATCH);
-    let mut file = RecordFile { file, header, segment, at, sequence, batch };
+    let mut file = RecordFile { file, header, end, batch: Vec::with_capacity(BATCH) };
     if !bodies.is_empty() {
         let clock = Clock::new();
         for mut body in bodies {

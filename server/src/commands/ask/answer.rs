@@ -1,8 +1,11 @@
 //! One line out.
 
+use std::ops::Range;
+
 use sarrus_client::{Answer, Field, Layout, ModelInfo, Query, Status, Warnings};
 use sarrus_proto::{FIELDS, Rows, Slot};
 use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 use super::request::{Asked, Output};
 
@@ -17,8 +20,7 @@ pub(super) struct Remark {
 
 /// The answer to an invalid line.
 pub(super) fn bad_request(out: &mut Vec<u8>, remark: &Remark) {
-    head(out, Status::BadRequest, &[]);
-    foot(out, Some(remark));
+    write(out, head(Status::BadRequest, &[]), Some(remark));
 }
 
 /// The answer to a request: `numbers` have the given layout; wanted fields outside of it are null.
@@ -32,7 +34,7 @@ pub(super) fn answer(
     remark: Option<&Remark>,
 ) {
     let names: Vec<&str> = answer.warnings.names().collect();
-    head(out, answer.status, &names);
+    let mut line = head(answer.status, &names);
     let part = |field| {
         let slot = layout.slot(field)?;
         let numbers = numbers.get(slot.range())?;
@@ -42,12 +44,10 @@ pub(super) fn answer(
         is_valid.then_some((slot, numbers))
     };
     for output in &asked.outputs {
-        key(out, output.name(), false);
-        match output {
-            Output::Field(field) => match part(*field) {
-                Some((slot, numbers)) => value(out, slot, numbers, model, &asked.query),
-                None => null(out),
-            },
+        let value = match output {
+            Output::Field(field) => {
+                part(*field).map(|(slot, numbers)| value(slot, numbers, model, &asked.query)).into()
+            }
             Output::Frames => {
                 let parts = [
                     ("p", Field::FramePose, 0..3),
@@ -56,10 +56,10 @@ pub(super) fn answer(
                     ("acc", Field::FrameAcc, 0..6),
                 ];
                 let parts = parts.map(|(name, field, range)| (name, part(field), range));
-                by_link(out, asked, &parts, |out, k, (slot, numbers), range| {
+                by_link(asked, &parts, |k, (slot, numbers), range| {
                     let numbers = numbers.iter().skip(k * slot.columns + range.start);
-                    list(out, numbers.take(range.len()), number);
-                });
+                    numbers.take(range.len()).copied().collect()
+                })
             }
             Output::Jacobians => {
                 let parts = [
@@ -68,18 +68,18 @@ pub(super) fn answer(
                     (ACTUATOR, Field::JacobianActuator),
                 ];
                 let parts = parts.map(|(name, field)| (name, part(field), ()));
-                by_link(out, asked, &parts, |out, k, (slot, numbers), ()| {
+                by_link(asked, &parts, |k, (slot, numbers), ()| {
                     let numbers = numbers.get(6 * k * slot.columns..).unwrap_or_default();
-                    rows(out, 6, slot.columns, numbers);
-                });
+                    rows(6, slot.columns, numbers)
+                })
             }
-        }
+        };
+        line.insert(output.name().to_owned(), value);
     }
     if answer.warnings.contains(Warnings::NO_LIMIT) {
-        key(out, "no_limit", false);
-        write(out, &without_limit(model, &asked.query));
+        line.insert("no_limit".to_owned(), json!(without_limit(model, &asked.query)));
     }
-    foot(out, remark);
+    write(out, line, remark);
 }
 
 /// The actuators without a limit that the wanted fields read.
@@ -98,107 +98,92 @@ fn without_limit<'a>(model: &'a ModelInfo, query: &Query) -> Vec<&'a String> {
     model.active.iter().filter(|name| !is_limited(name)).collect()
 }
 
-fn head(out: &mut Vec<u8>, status: Status, warnings: &[&str]) {
-    out.push(b'{');
-    key(out, "status", true);
-    write(out, status.name());
-    key(out, "warnings", false);
-    write(out, warnings);
+fn head(status: Status, warnings: &[&str]) -> Map<String, Value> {
+    let status = ("status".to_owned(), json!(status.name()));
+    Map::from_iter([status, ("warnings".to_owned(), json!(warnings))])
 }
 
-fn foot(out: &mut Vec<u8>, remark: Option<&Remark>) {
-    if let Some(remark) = remark {
-        if let Some(column) = remark.column {
-            key(out, "column", false);
-            write(out, &column);
-        }
-        key(out, "error", false);
-        write(out, &remark.words);
+/// Writes a line; text and numbers always serialise.
+fn write(out: &mut Vec<u8>, mut line: Map<String, Value>, remark: Option<&Remark>) {
+    if let Some(Remark { column, words }) = remark {
+        line.extend(column.map(|column| ("column".to_owned(), json!(column))));
+        line.insert("error".to_owned(), json!(words));
     }
-    out.extend_from_slice(b"}\n");
+    let _ = serde_json::to_writer(&mut *out, &line);
+    out.push(b'\n');
 }
 
 /// An object with one object for each asked link; null if a part has no numbers, unless it is that
 /// of the actuators, which is null alone: they may not determine the motion.
 fn by_link<P: Copy, R: Clone>(
-    out: &mut Vec<u8>,
     asked: &Asked,
     parts: &[(&str, Option<P>, R)],
-    mut write_part: impl FnMut(&mut Vec<u8>, usize, P, R),
-) {
+    of: impl Fn(usize, P, R) -> Value,
+) -> Value {
     if parts.iter().any(|(name, part, _)| part.is_none() && *name != ACTUATOR) {
-        return null(out);
+        return Value::Null;
     }
-    out.push(b'{');
-    for (k, link) in asked.frames.iter().enumerate() {
-        key(out, link, k == 0);
-        out.push(b'{');
-        for (i, (name, part, rest)) in parts.iter().enumerate() {
-            key(out, name, i == 0);
-            match part {
-                Some(part) => write_part(out, k, *part, rest.clone()),
-                None => null(out),
-            }
-        }
-        out.push(b'}');
-    }
-    out.push(b'}');
+    let of_link = |k| {
+        let parts = parts.iter();
+        parts
+            .map(|(name, part, rest)| (*name, part.map(|part| of(k, part, rest.clone()))))
+            .collect()
+    };
+    let links = asked.frames.iter().enumerate();
+    links.map(|(k, link)| -> (&str, Value) { (link, of_link(k)) }).collect()
 }
 
-/// The numbers of a field: a plain number, a list, or a list of rows.
-fn value(out: &mut Vec<u8>, slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) {
+/// The numbers of a field: a plain number, a list, or a list of rows; null for NaN and infinities.
+fn value(slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) -> Value {
     match slot.field {
         // a count, exact in a double
-        Field::Iterations => numbers.iter().for_each(|x| write(out, &(*x as u64))),
-        field if FIELDS[field as usize].shape == "1" => numbers.iter().for_each(|x| number(out, x)),
+        Field::Iterations => numbers.first().map(|x| *x as u64).into(),
+        field if FIELDS[field as usize].shape == "1" => numbers.first().copied().into(),
         // a sign
-        Field::Branch => list(out, numbers.iter(), |out, x| write(out, &(*x as i64))),
-        Field::LambdaDeterminate => list(out, numbers.iter(), |out, x| write(out, &(*x == 1.0))),
-        Field::GoodIndependents => list(out, chosen(numbers, &model.tree), write),
-        Field::Limits => write(out, &exceeded(numbers, model, &Rows::of(query, model).v)),
+        Field::Branch => numbers.iter().map(|x| *x as i64).collect(),
+        Field::LambdaDeterminate => numbers.iter().map(|x| *x == 1.0).collect(),
+        Field::GoodIndependents => {
+            let chosen = model.tree.iter().zip(numbers).filter(|(_, x)| **x == 1.0);
+            chosen.map(|(name, _)| name.as_str()).collect()
+        }
+        Field::Limits => json!(exceeded(numbers, model, &Rows::of(query, model).v)),
         // a set of vertices has no others behind the first that is missing
         field if field.has_vertex_rows() => {
             let is_there = |row: &&[f64]| row.iter().all(|x| !x.is_nan());
             match numbers.chunks_exact(slot.columns.max(1)).take_while(is_there).count() {
-                0 => null(out),
-                n => rows(out, n, slot.columns, numbers),
+                0 => Value::Null,
+                n => rows(n, slot.columns, numbers),
             }
         }
         Field::Binding | Field::Clip | Field::ClipNearest if numbers.iter().any(|x| x.is_nan()) => {
-            null(out)
+            Value::Null
         }
         Field::GainsY => {
             let n = slot.columns / 2;
             let row = |k: usize| numbers.get(k * slot.columns..).unwrap_or_default();
-            out.push(b'{');
-            for (name, range) in [("stiffness", 0..n), ("damping", n..2 * n)] {
-                key(out, name, range.start == 0);
-                list(out, 0..slot.rows, |out, k| {
-                    list(out, row(k).get(range.clone()).unwrap_or_default(), number);
-                });
-            }
-            key(out, "force", false);
-            list(out, (0..slot.rows).filter_map(|k| row(k).get(2 * n)), number);
-            out.push(b'}');
+            let part = |range: Range<usize>| -> Value {
+                (0..slot.rows).map(|k| row(k).get(range.clone()).unwrap_or_default()).collect()
+            };
+            let force: Value = (0..slot.rows).filter_map(|k| row(k).get(2 * n)).copied().collect();
+            json!({"stiffness": part(0..n), "damping": part(n..2 * n), "force": force})
         }
         // without the centre of mass where it has no target
-        Field::TaskResidual => list(out, numbers.iter().filter(|x| !x.is_nan()), number),
-        Field::Binding => write(out, &binding(numbers, &model.tree)),
-        Field::ContactForces => contact_forces(out, numbers, model, query),
+        Field::TaskResidual => numbers.iter().copied().filter(|x| !x.is_nan()).collect(),
+        Field::Binding => json!(binding(numbers, &model.tree)),
+        Field::ContactForces => {
+            let links = query.frames().iter().map(|link| &model.links[usize::from(*link)]);
+            let held = links.zip(numbers.chunks_exact(6)).filter(|(_, row)| !row[0].is_nan());
+            held.collect()
+        }
         Field::Solutions => {
             let found = numbers.chunks(slot.columns.max(1)).take_while(|y| !y[0].is_nan());
-            rows(out, found.count(), slot.columns, numbers);
+            rows(found.count(), slot.columns, numbers)
         }
         Field::Energy => {
-            out.push(b'{');
-            for (k, (name, x)) in ["kinetic", "potential"].iter().zip(numbers).enumerate() {
-                key(out, name, k == 0);
-                number(out, x);
-            }
-            out.push(b'}');
+            ["kinetic", "potential"].into_iter().zip(numbers.iter().copied()).collect()
         }
-        _ if slot.is_matrix() => rows(out, slot.rows, slot.columns, numbers),
-        _ => list(out, numbers.iter(), number),
+        _ if slot.is_matrix() => rows(slot.rows, slot.columns, numbers),
+        _ => json!(numbers),
     }
 }
 
@@ -229,18 +214,6 @@ fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> 
     found
 }
 
-/// The wrench on each held frame, as a line's `wrenches`.
-fn contact_forces(out: &mut Vec<u8>, numbers: &[f64], model: &ModelInfo, query: &Query) {
-    let links = query.frames().iter().map(|link| &model.links[usize::from(*link)]);
-    let rows = links.zip(numbers.chunks_exact(6)).filter(|(_, row)| !row[0].is_nan());
-    out.push(b'{');
-    for (k, (name, row)) in rows.enumerate() {
-        key(out, name, k == 0);
-        list(out, row.iter(), number);
-    }
-    out.push(b'}');
-}
-
 /// The names of active bounds: those of joints, and `clearance`.
 fn binding<'a>(numbers: &[f64], names: &'a [String]) -> Vec<&'a str> {
     let names = names.iter().map(String::as_str).chain(["clearance"]);
@@ -248,50 +221,7 @@ fn binding<'a>(numbers: &[f64], names: &'a [String]) -> Vec<&'a str> {
     rows.filter(|(_, row)| row.iter().any(|x| *x != 0.0)).map(|(name, _)| name).collect()
 }
 
-/// The names whose number is 1.
-fn chosen<'a>(numbers: &[f64], names: &'a [String]) -> impl Iterator<Item = &'a String> {
-    let chosen: Vec<bool> = numbers.iter().map(|x| *x == 1.0).collect();
-    names.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(name, _)| name)
-}
-
-fn rows(out: &mut Vec<u8>, n_rows: usize, columns: usize, numbers: &[f64]) {
+fn rows(n_rows: usize, columns: usize, numbers: &[f64]) -> Value {
     let row = |k: usize| numbers.get(k * columns..(k + 1) * columns).unwrap_or_default();
-    list(out, 0..n_rows, |out, k| list(out, row(k).iter(), number));
-}
-
-fn list<I: IntoIterator>(
-    out: &mut Vec<u8>,
-    items: I,
-    mut write_item: impl FnMut(&mut Vec<u8>, I::Item),
-) {
-    out.push(b'[');
-    for (k, item) in items.into_iter().enumerate() {
-        if k > 0 {
-            out.push(b',');
-        }
-        write_item(out, item);
-    }
-    out.push(b']');
-}
-
-fn key(out: &mut Vec<u8>, name: &str, first: bool) {
-    if !first {
-        out.push(b',');
-    }
-    write(out, name);
-    out.push(b':');
-}
-
-/// The shortest digits that read back as the same number; null for NaN and infinities.
-fn number(out: &mut Vec<u8>, number: &f64) {
-    write(out, number);
-}
-
-fn null(out: &mut Vec<u8>) {
-    out.extend_from_slice(b"null");
-}
-
-/// Appends a value; text and numbers always serialise.
-fn write<T: Serialize + ?Sized>(out: &mut Vec<u8>, value: &T) {
-    let _ = serde_json::to_writer(out, value);
+    (0..n_rows).map(row).collect()
 }

@@ -56,11 +56,10 @@ pub(super) fn read(
     reader.finish(root)
 }
 
-/// A bound from 0 on.
-fn tolerance(name: &str, value: Value<'_>) -> Result<Tolerance, Problem> {
+/// A number from 0 on.
+fn from_zero(name: &str, value: Value<'_>) -> Result<f64, Problem> {
     let number = value.number().filter(|x| *x >= 0.0);
-    let number = number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))?;
-    Ok(Tolerance::new(number))
+    number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))
 }
 
 /// The axes of frames.
@@ -117,8 +116,10 @@ impl Reader<'_> {
             "frames" => self.frames = Some(self.links(value)?),
             "joints" => self.joints = self.read_joints(value)?,
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
-            "loop_tolerance" => self.tolerances[0] = tolerance(&name, value)?,
-            "projection_tolerance" => self.tolerances[1] = tolerance(&name, value)?,
+            "loop_tolerance" => self.tolerances[0] = Tolerance::new(from_zero(&name, value)?),
+            "projection_tolerance" => {
+                self.tolerances[1] = Tolerance::new(from_zero(&name, value)?);
+            }
             "search" => self.option("search", QueryOptions::SEARCH, value)?,
             "friction" => self.option("friction", QueryOptions::FRICTION, value)?,
             "axes" => self.axes = axes(value)?,
@@ -163,10 +164,8 @@ impl Reader<'_> {
         let n = sizes.n_vy;
         Ok(Some(match name {
             "dt" | "gain" => {
-                let expected = format!("{name} as a number from 0 on");
-                let number = value.number().filter(|x| *x >= 0.0);
                 let field = if name == "dt" { Field::Dt } else { Field::Gain };
-                (field, vec![number.ok_or_else(|| value.is_no(&expected))?])
+                (field, vec![from_zero(name, value)?])
             }
             "observer" => {
                 (Field::Observer, self.read_rows("a row of the observer", value, n..=n, 3)?)

@@ -13,8 +13,6 @@
 mod model;
 mod session;
 
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -22,7 +20,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use sarrus_can_core::config::{Commissioning, Configuration, Limits};
-use sarrus_can_run::{Settings, prepare, stderr};
+use sarrus_can_run::{Settings, prepare, stderr, write_whole};
 
 use crate::check::table;
 use model::Model;
@@ -99,7 +97,9 @@ impl Commission {
                 if !is_good {
                     return Ok(ExitCode::from(1));
                 }
-                write_record(&path, &text, &record).map_err(|error| {
+                // the table as comments, then the lines that must fit
+                let table: String = text.lines().map(|line| format!("# {line}\n")).collect();
+                write_whole(&path, &(table + &record)).map_err(|error| {
                     eprintln!("sarrus-can commission: {}: {error}", path.display());
                     ExitCode::from(2)
                 })?;
@@ -216,17 +216,4 @@ fn row(motor: &Motor, trial: Option<&Trial>, result: &str) -> Vec<String> {
         trial.map_or("-", |trial| if trial.has_pose { "closed" } else { "open" }).to_owned(),
         result.to_owned(),
     ]
-}
-
-/// Writes the record, whole or not at all: the table as comments, then the lines that must fit.
-fn write_record(path: &std::path::Path, table: &str, record: &str) -> std::io::Result<()> {
-    let mut text = String::new();
-    // writing to a string cannot fail
-    let _ = table.lines().try_for_each(|line| writeln!(text, "# {line}"));
-    text += record;
-    let new = path.with_extension("new");
-    let mut file = std::fs::File::create(&new)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_all()?;
-    std::fs::rename(&new, path)
 }

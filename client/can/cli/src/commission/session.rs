@@ -64,23 +64,6 @@ pub(super) struct Trial {
     pub(super) others: Vec<f64>,
 }
 
-/// A mean.
-#[derive(Default)]
-struct Mean {
-    sum: f64,
-    n: f64,
-}
-
-impl Mean {
-    fn add(&mut self, number: f64) {
-        (self.sum, self.n) = (self.sum + number, self.n + 1.0);
-    }
-
-    fn value(&self) -> f64 {
-        self.sum / self.n
-    }
-}
-
 /// A running bridge and its commands.
 pub(super) struct Session {
     controller: Controller,
@@ -136,11 +119,10 @@ impl Session {
     /// Takes the power away, by a stop.
     pub(super) fn disarm(&mut self) {
         let begin = Instant::now();
-        let mut asked = None;
+        if self.is_live() {
+            self.controller.operate(Operation::Disarm);
+        }
         while begin.elapsed().as_secs_f64() < FIRST && self.is_live() {
-            if asked.is_none() {
-                asked = Some(self.controller.operate(Operation::Disarm));
-            }
             self.cycle();
         }
     }
@@ -207,13 +189,8 @@ impl Session {
             *position = if position.is_finite() { *position } else { 0.0 };
         });
         for motor in motors {
-            let put = |array: &mut [f64], number: f64| {
-                if let Some(slot) = array.get_mut(motor.actuator) {
-                    *slot = number;
-                }
-            };
-            put(&mut self.command.damping, motor.damping);
-            put(&mut self.command.stiffness, STIFFNESS * motor.damping);
+            put(&mut self.command.damping, motor.actuator, motor.damping);
+            put(&mut self.command.stiffness, motor.actuator, STIFFNESS * motor.damping);
         }
         if !self.balance(model) {
             let why = "the robot has no pose of all measured positions: an offset or a sign";
@@ -287,8 +264,9 @@ impl Session {
             has_pose: true,
             others: vec![0.0; self.places.len()],
         };
-        let mut effort = Mean::default();
-        let mut of_model = Mean::default();
+        // of the reported efforts and of the model's
+        let mut sums = [0.0; 2];
+        let mut n = 0.0;
         let mut efforts = vec![0.0; n_u];
         let mut ends = [0.0; 2];
         for (end, [from, to]) in ends.iter_mut().zip([[0.0, 1.0], [1.0, 0.0]]) {
@@ -298,13 +276,8 @@ impl Session {
                 part_of_time = (begin.elapsed().as_secs_f64() / seconds).min(1.0);
                 let target = start + way * (from + (to - from) * part_of_time);
                 let speed = if part_of_time < 1.0 { (to - from) * way / seconds } else { 0.0 };
-                for (array, number) in
-                    [(&mut self.command.position, target), (&mut self.command.velocity, speed)]
-                {
-                    if let Some(slot) = array.get_mut(actuator) {
-                        *slot = number;
-                    }
-                }
+                put(&mut self.command.position, actuator, target);
+                put(&mut self.command.velocity, actuator, speed);
                 trial.has_pose &= self.balance(model);
                 self.cycle();
                 if let Some(trouble) = self.trouble(actuator) {
@@ -313,8 +286,9 @@ impl Session {
                 let counts = (END..=1.0 - END).contains(&part_of_time);
                 let u = self.state.position.get(..n_u).unwrap_or_default();
                 if counts && model.hold(u, &mut efforts) {
-                    effort.add(of(&self.state.effort, actuator));
-                    of_model.add(of(&efforts, actuator));
+                    sums[0] += of(&self.state.effort, actuator);
+                    sums[1] += of(&efforts, actuator);
+                    n += 1.0;
                 } else if counts {
                     trial.has_pose = false;
                 }
@@ -327,10 +301,14 @@ impl Session {
             *end = of(&self.state.position, actuator);
         }
         trial.moved = ends[0] - ends[1];
-        (trial.effort, trial.model) = (effort.value(), of_model.value());
-        if let Some(own) = trial.others.get_mut(place) {
-            *own = 0.0;
-        }
+        [trial.effort, trial.model] = sums.map(|sum| sum / n);
+        put(&mut trial.others, place, 0.0);
         Ok(trial)
+    }
+}
+
+fn put(numbers: &mut [f64], place: usize, number: f64) {
+    if let Some(slot) = numbers.get_mut(place) {
+        *slot = number;
     }
 }

@@ -5,7 +5,7 @@
 mod machine;
 mod motors;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use crate::check::Format;
 use machine::Machine;
-use sarrus_can_run::bus::interface;
+use sarrus_can_run::bus::{interface, is_pseudo_terminal};
 
 /// Flags of `doctor`.
 #[derive(Args)]
@@ -82,15 +82,12 @@ impl Doctor {
 }
 
 fn object(findings: &[Finding], firmware: &[(String, String)]) -> Value {
-    let findings: Vec<Value> = findings
-        .iter()
-        .map(|Finding { check, text }| json!({"check": check, "finding": text}))
-        .collect();
-    let firmware: Vec<Value> = firmware
-        .iter()
-        .map(|(motor, version)| json!({"motor": motor, "firmware": version}))
-        .collect();
-    json!({"findings": findings, "firmware": firmware})
+    let finding = |of: &Finding| json!({"check": of.check, "finding": of.text});
+    let version = |(motor, version): &(_, _)| json!({"motor": motor, "firmware": version});
+    json!({
+        "findings": findings.iter().map(finding).collect::<Value>(),
+        "firmware": firmware.iter().map(version).collect::<Value>(),
+    })
 }
 
 fn name(configuration: &Configuration, actuator: usize) -> &str {
@@ -144,17 +141,13 @@ fn serial_port(channel: &str) -> Option<String> {
             "{path} cannot be opened: {error}, expected a serial port; plug the adapter in, and \
              see that this user may use it (group `dialout`)"
         )),
-        Ok(_) if !has_speed && !is_pseudo_terminal(Path::new(path)) => Some(format!(
+        // simulated motors' end has no speed
+        Ok(_) if !has_speed && !is_pseudo_terminal(path) => Some(format!(
             "{path} has no speed in the configuration, expected `{path}@SPEED`; without it \
              nobody knows whether the port is fast enough for its bus"
         )),
         Ok(_) => None,
     }
-}
-
-/// Simulated motors' end has no speed.
-fn is_pseudo_terminal(path: &Path) -> bool {
-    std::fs::canonicalize(path).is_ok_and(|path| path.starts_with("/dev/pts"))
 }
 
 /// A watchdog that cannot be read is believed: an operator should have seen it work.

@@ -35,10 +35,7 @@ impl Reader<'_, '_> {
             }
             let Some(bus) = buses.and_then(|buses| self.bus(&read, buses)) else { continue };
             let number = read.integer("id") as u32;
-            let id = match u16::try_from(number) {
-                Ok(number) if number < 0x800 => Id::Standard(number),
-                _ => Id::Extended(number),
-            };
+            let id = Id::standard(number).unwrap_or(Id::Extended(number));
             let of_motor = motors.iter().find(|(_, other)| {
                 other.motor.bus == bus && other.motor.drive.identifiers().contains(&id)
             });

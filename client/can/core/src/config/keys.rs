@@ -1,7 +1,7 @@
 //! Settings of a configuration: top level, timeouts, buses, motors, limits.
 
 use super::values::StopFunction;
-use crate::settings::Key;
+use crate::settings::{Key, KeyKind};
 
 /// A time or a size beyond every sensible one.
 pub(super) const LARGE: f64 = 1e9;
@@ -140,7 +140,7 @@ pub(super) const MONITORS: &[Key] = &[
 ];
 
 const fn bound(name: &'static str, most: f64, about: &'static str) -> Key {
-    Key::number_or_off(name, 1e-6, most, about).optional()
+    Key { name, kind: KeyKind::NumberOrOff(1e-6, most), default: Some(""), about }
 }
 
 const fn switch(name: &'static str, about: &'static str) -> Key {

@@ -42,48 +42,49 @@ pub(super) fn motors(
     places: &[Span],
     diagnostics: &mut Diagnostics,
 ) {
+    let disable_ms = configuration.timeouts.disable_ns as f64 * 1e-6;
     for (motor, place) in configuration.motors.iter().zip(places) {
+        let mut check = |is_odd: bool, found: String, expected: &str, help: &str| {
+            if is_odd {
+                diagnostics.warning(*place, found, expected, help);
+            }
+        };
         let name = quoted(configuration.actuators.get(motor.actuator).map_or("", String::as_str));
-        let disable_ms = configuration.timeouts.disable_ns as f64 * 1e-6;
-        let checks = checks(motor, &name, disable_ms);
-        for (_, found, expected, help) in checks.into_iter().filter(|(is_odd, ..)| *is_odd) {
-            diagnostics.warning(*place, found, expected, help);
-        }
-    }
-}
-
-/// Whether a value is odd, the value, the expected one, and the remedy.
-type Check = (bool, String, &'static str, &'static str);
-
-fn checks(motor: &MotorConfig, name: &str, disable_ms: f64) -> Vec<Check> {
-    let ms = f64::from(motor.common.watchdog_ms);
-    let has_gains = matches!(motor.common.mode, Mode::Impedance | Mode::Torque);
-    let mut checks = vec![
-        (
+        let ms = f64::from(motor.common.watchdog_ms);
+        check(
             ms > LONGEST_MS,
             format!("the watchdog of {name} is {ms} ms: it follows its last set-point for so long"),
             "at most 1000 ms",
             "make `watchdog_ms` shorter: it is all that is left when the bridge is gone",
-        ),
-        (
+        );
+        check(
             ms > disable_ms && ms <= LONGEST_MS,
             format!("the watchdog of {name}, {ms} ms, is longer than `disable_ms`, {disable_ms}"),
             "a watchdog no longer than the bridge waits",
             "make `watchdog_ms` shorter",
-        ),
-    ];
-    checks.extend(ranges(motor, name));
-    checks.push((
-        has_gains && motor.damping == 0.0,
-        format!("{name} has a `damping` of 0"),
-        "a damping that brakes it",
-        "give one: while commands are late and in a stop nothing else slows it down",
-    ));
-    checks
+        );
+        for (what, limit, range, unit) in ranges(motor) {
+            let found = format!(
+                "the limit of {what} of {name} is {} {unit} at its motor, which has numbers up to \
+                 {range}",
+                (limit * 1e6).round() / 1e6
+            );
+            // as far as the roundings of gear and limit go
+            let is_beyond = limit > range * (1.0 + 1e-6);
+            let help = "correct the limit, the gear or the range";
+            check(is_beyond, found, "a limit within the motor's range", help);
+        }
+        check(
+            matches!(motor.common.mode, Mode::Impedance | Mode::Torque) && motor.damping == 0.0,
+            format!("{name} has a `damping` of 0"),
+            "a damping that brakes it",
+            "give one: while commands are late and in a stop nothing else slows it down",
+        );
+    }
 }
 
-/// Limits that the motor's protocol has no numbers for.
-fn ranges(motor: &MotorConfig, name: &str) -> [Check; 3] {
+/// Limits at the motor's side beside the ends of its protocol's numbers, with their units.
+fn ranges(motor: &MotorConfig) -> [(&'static str, f64, f64, &'static str); 3] {
     let [position, velocity, torque] = motor.drive.ranges();
     let limits = motor.limits;
     let mapping = motor.mapping;
@@ -96,15 +97,4 @@ fn ranges(motor: &MotorConfig, name: &str) -> [Check; 3] {
         ("velocity", limits.velocity * mapping.gear, velocity, "rad/s"),
         ("effort", motor.common.torque_limit, torque, "N m"),
     ]
-    .map(|(what, limit, range, unit)| {
-        let found = format!(
-            "the limit of {what} of {name} is {} {unit} at its motor, which has numbers up to \
-             {range}",
-            (limit * 1e6).round() / 1e6
-        );
-        // as far as the roundings of gear and limit go
-        let is_beyond = limit > range * (1.0 + 1e-6);
-        let help = "correct the limit, the gear or the range";
-        (is_beyond, found, "a limit within the motor's range", help)
-    })
 }

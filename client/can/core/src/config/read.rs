@@ -11,7 +11,6 @@ use super::commissioned::Commissioning;
 use super::configuration::{BusConfig, Configuration, ModelRules, Stop, Surroundings, Timeouts};
 use super::keys::{BUS, MODEL, TIMEOUTS, TOP};
 use super::reader::{Read, Reader, Robot, nanoseconds};
-use super::stops::Mechanisms;
 use super::{check, plausible};
 use crate::settings::{Key, Settings};
 
@@ -57,8 +56,9 @@ impl Reader<'_, '_> {
         let top = top?;
         let timeouts = timeouts?;
         let buses = buses?;
-        let actuators: Vec<String> = match &robot {
-            Some(robot) => robot.loaded.compiled.model.active_names().to_vec(),
+        let model = robot.as_ref().map(|robot| &robot.loaded.compiled.model);
+        let actuators: Vec<String> = match model {
+            Some(model) => model.active_names().to_vec(),
             None => read.iter().map(|(name, _)| name.clone()).collect(),
         };
         let mechanisms =
@@ -67,29 +67,22 @@ impl Reader<'_, '_> {
         if self.diagnostics.has_errors() {
             return None;
         }
+        let has_model = robot.is_some();
         check::Motors {
             motors: &read,
             actuators: &actuators,
             mechanisms: &mechanisms,
-            has_model: robot.is_some(),
+            has_model,
             file: root.span,
         }
         .check(self.diagnostics);
         let places: Vec<Span> = read.iter().map(|read| read.place).collect();
-        let of = Mechanisms {
-            actuators: &actuators,
-            mechanisms: &mechanisms,
-            motors: &mut read,
-            has_model: robot.is_some(),
-        };
-        let stops = self.stops(root, &top, of);
+        let stops = self.stops(root, &top, &actuators, &mechanisms, &mut read, has_model);
         let mut configuration = Configuration {
             stops,
-            robot: robot.as_ref().map(|robot| robot.loaded.compiled.model.name().to_owned()),
-            fingerprint: robot
-                .as_ref()
-                .map_or(0, |robot| robot.loaded.compiled.model.fingerprint()),
-            model: robot.as_ref().map(|robot| Arc::new(robot.loaded.compiled.model.clone())),
+            robot: model.map(|model| model.name().to_owned()),
+            fingerprint: model.map_or(0, |model| model.fingerprint()),
+            model: model.cloned().map(Arc::new),
             model_rules,
             source: robot.map(|robot| robot.source),
             actuators,

@@ -11,24 +11,18 @@ use crate::settings::Settings;
 /// Default speed of lowering, as part of the velocity's limit.
 const LOWER: f64 = 0.1;
 
-/// The mechanisms to be stopped.
-pub(super) struct Mechanisms<'a> {
-    pub(super) actuators: &'a [String],
-    /// By actuator.
-    pub(super) mechanisms: &'a [usize],
-    pub(super) motors: &'a mut [Read],
-    pub(super) has_model: bool,
-}
-
 impl Reader<'_, '_> {
-    /// The stop of each mechanism: its entry under `mechanisms`, else the top level's.
+    /// The stop of each mechanism: its entry under `mechanisms`, else the top level's. `mechanisms`
+    /// has the mechanism of each of the `actuators`.
     pub(super) fn stops(
         &mut self,
         root: &Node,
         top: &Settings,
-        of: Mechanisms<'_>,
+        actuators: &[String],
+        mechanisms: &[usize],
+        motors: &mut [Read],
+        has_model: bool,
     ) -> Vec<MechanismStop> {
-        let Mechanisms { actuators, mechanisms, motors, has_model } = of;
         let n = mechanisms.iter().max().map_or(0, |last| last + 1);
         let mut entries: Vec<Option<Settings>> = vec![None; n];
         for node in yaml::list(root, "mechanisms", self.diagnostics) {

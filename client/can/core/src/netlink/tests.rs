@@ -64,11 +64,11 @@ fn answers_of_a_kernel_are_read() {
         mtu: 16,
         queue: 10,
         bitrate: Some(500_000),
-        controller: Some(Controller::Active),
+        controller: Some(BusState::Active),
         ..vcan
     };
     assert_eq!(read(SLCAN), slcan);
-    assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(Controller::Off), ..slcan });
+    assert_eq!(read(OFF), Interface { bitrate: None, controller: Some(BusState::Off), ..slcan });
     assert_eq!(Interface::read(&bytes(NONE)), Err(InterfaceError::Refused(19)));
 }
 
@@ -106,7 +106,7 @@ fn an_interface_that_is_not_as_configured_is_refused_with_the_command_that_sets_
     let fd = answer(UP, 72, rates, 0);
     assert_eq!(
         (fd.bitrate, fd.data_bitrate, fd.controller),
-        (Some(1_000_000), Some(5_000_000), Some(Controller::Active))
+        (Some(1_000_000), Some(5_000_000), Some(BusState::Active))
     );
     assert!(fd.check("can0", Some(1_000_000), Some(5_000_000)) == Ok(None));
     assert!(fd.check("can0", None, None).is_ok());

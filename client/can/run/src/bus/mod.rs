@@ -10,7 +10,7 @@ use std::io;
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::time::{Duration, SystemTime};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 use sarrus_can_core::bridge::BusEvent;
@@ -18,6 +18,7 @@ use sarrus_can_core::config::BusConfig;
 use sarrus_can_core::frame::Frame;
 use sarrus_can_core::netlink::InterfaceError;
 use sarrus_client::now_ns;
+use sarrus_proto::socket::timespec;
 use thiserror::Error;
 
 pub use pseudo::Pseudo;
@@ -153,6 +154,11 @@ impl Address {
     }
 }
 
+/// Whether a channel leads to a pseudo-terminal, as that of simulated motors.
+pub fn is_pseudo_terminal(channel: &str) -> bool {
+    std::fs::canonicalize(channel).is_ok_and(|path| path.starts_with("/dev/pts"))
+}
+
 /// Opens a bus.
 pub fn open(address: &Address) -> Result<Box<dyn Bus>, BusError> {
     match address.interface.as_str() {
@@ -207,9 +213,7 @@ pub fn wait_for_bus(bus: &dyn Bus, at_most: Duration) -> Result<(), BusError> {
 /// # Errors
 /// The system cannot wait.
 pub fn wait_for(fds: &mut [PollFd<'_>], at_most: Duration) -> Result<bool, BusError> {
-    let time =
-        Timespec { tv_sec: at_most.as_secs() as i64, tv_nsec: i64::from(at_most.subsec_nanos()) };
-    match poll(fds, Some(&time)) {
+    match poll(fds, Some(&timespec(at_most))) {
         Ok(n) => Ok(n > 0),
         Err(rustix::io::Errno::INTR) => Ok(false),
         Err(error) => Err(BusError::Gone("the bus".to_owned(), error.into())),

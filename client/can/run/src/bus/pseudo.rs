@@ -6,7 +6,7 @@ use rustix::fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use sarrus_can_core::bridge::BusEvent;
-use sarrus_can_core::frame::Frame;
+use sarrus_can_core::frame::{Frame, Id};
 use sarrus_can_core::slcan::Line;
 
 use super::lines::LinePort;
@@ -75,12 +75,7 @@ impl Bus for Pseudo {
             let Some(line) = self.port.next()? else { return Ok(None) };
             match line {
                 Line::Frame(frame) if self.open && !self.listen_only && !self.off => {
-                    let taken: &[u8] =
-                        if matches!(frame.id, sarrus_can_core::frame::Id::Standard(_)) {
-                            b"z\r"
-                        } else {
-                            b"Z\r"
-                        };
+                    let taken = if matches!(frame.id, Id::Standard(_)) { b"z\r" } else { b"Z\r" };
                     self.answer(taken)?;
                     return Ok(Some(Heard::Frame(frame)));
                 }

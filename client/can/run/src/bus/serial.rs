@@ -32,13 +32,11 @@ impl Serial {
         else {
             return Err(BusError::Bitrate(path.to_owned(), address.bitrate.unwrap_or(0)));
         };
-        let data_code = match address.data_bitrate {
-            None => None,
-            Some(bitrate) => match DATA_BITRATES.iter().find(|(_, known)| *known == bitrate) {
-                Some((code, _)) => Some(*code),
-                None => return Err(BusError::DataBitrate(path.to_owned(), bitrate)),
-            },
+        let data_code = |bitrate: u32| {
+            let found = DATA_BITRATES.iter().find(|(_, known)| *known == bitrate);
+            found.ok_or_else(|| BusError::DataBitrate(path.to_owned(), bitrate))
         };
+        let data_code = address.data_bitrate.map(data_code).transpose()?;
 
         let failed = |error: Errno| BusError::Open(path.to_owned(), error.into());
         let fd = rustix::fs::open(
@@ -61,7 +59,7 @@ impl Serial {
         // an empty line first: it ends a command that the adapter has half read
         serial.tell("\rC\r")?;
         serial.tell(&format!("S{code}\r"))?;
-        if let Some(code) = data_code {
+        if let Some((code, _)) = data_code {
             serial.tell(&format!("Y{code}\r"))?;
         }
         serial.tell(if address.listen_only { "L\r" } else { "O\r" })?;

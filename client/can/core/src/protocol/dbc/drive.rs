@@ -23,13 +23,9 @@ struct Dbc {
     enable: [f64; 2],
     units: [f64; 5],
     position: Reported,
-    velocity: Option<Reported>,
-    torque: Option<Reported>,
-    temperature: Option<Reported>,
-    fault: Option<Reported>,
-    enabled: Option<Reported>,
+    /// The other signals, in the order of [`REPORTS`].
+    reports: [Option<Reported>; 6],
     enabled_value: f64,
-    counter: Option<Reported>,
     /// The last count, and whether it differs from the one before.
     count: f64,
     counts_on: bool,
@@ -44,6 +40,9 @@ struct Dbc {
     power_up: PowerUp,
 }
 
+/// Settings of signals that the motor may report besides its position.
+const REPORTS: [&str; 6] =
+    ["measured_velocity", "measured_torque", "temperature", "fault", "enabled", "counter"];
 const SETPOINTS: [&str; 5] = ["position", "velocity", "torque", "stiffness", "damping"];
 const UNITS: [&str; 5] =
     ["position_unit", "velocity_unit", "torque_unit", "stiffness_unit", "damping_unit"];
@@ -60,9 +59,7 @@ pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagno
     let desired = sent_signals(&mut finder, common);
     check_mode(&mut finder, common);
     let position = finder.reported("measured_position");
-    let [velocity, torque, temperature, fault, enabled, counter] =
-        ["measured_velocity", "measured_torque", "temperature", "fault", "enabled", "counter"]
-            .map(|key| finder.reported(key));
+    let reports = REPORTS.map(|key| finder.reported(key));
     let units = UNITS.map(|key| settings.number(key));
     if let Some(key) = UNITS.iter().zip(units).find_map(|(key, unit)| (unit == 0.0).then_some(*key))
     {
@@ -85,13 +82,8 @@ pub(super) fn make(settings: &Settings, common: Common, diagnostics: &mut Diagno
         enable: [settings.number("disable_value"), settings.number("enable_value")],
         units,
         position: position?,
-        velocity,
-        torque,
-        temperature,
-        fault,
-        enabled,
+        reports,
         enabled_value: settings.number("enabled_value"),
-        counter,
         count: f64::NAN,
         counts_on: true,
         stale_ns: settings.integer("stale_ms").unsigned_abs() * 1_000_000,
@@ -179,16 +171,13 @@ impl Dbc {
     }
 
     fn reported(&self) -> impl Iterator<Item = &Reported> {
-        let Dbc { velocity, torque, temperature, fault, enabled, counter, .. } = self;
-        [velocity, torque, temperature, fault, enabled, counter]
-            .into_iter()
-            .flatten()
-            .chain([&self.position])
+        self.reports.iter().flatten().chain([&self.position])
     }
 
     /// The motor's report of its fault and power.
     fn health(&self) -> impl Iterator<Item = &Reported> {
-        [&self.fault, &self.enabled].into_iter().flatten()
+        let [_, _, _, fault, enabled, _] = &self.reports;
+        [fault, enabled].into_iter().flatten()
     }
 
     fn is_silent(&self, now_ns: u64) -> bool {
@@ -239,22 +228,22 @@ impl Drive for Dbc {
             return Receipt::Malformed;
         }
         let [position_unit, velocity_unit, torque_unit, ..] = self.units;
-        let take = |reported: &mut Option<Reported>, unit: f64| {
-            reported.as_mut()?.take(now_ns, frame, unit)
-        };
-        take(&mut self.velocity, velocity_unit);
-        take(&mut self.torque, torque_unit);
-        take(&mut self.temperature, 1.0);
-        if let Some(value) = take(&mut self.fault, 1.0) {
+        let units = [velocity_unit, torque_unit, 1.0, 1.0, 1.0, 1.0];
+        let mut taken = [None; 6];
+        for ((taken, reported), unit) in taken.iter_mut().zip(&mut self.reports).zip(units) {
+            *taken = reported.as_mut().and_then(|reported| reported.take(now_ns, frame, unit));
+        }
+        let [_, _, _, fault, enabled, counter] = taken;
+        if let Some(value) = fault {
             // any number that is not 0 is a fault, NaN too; larger ones are the drives' own
             self.code =
                 if value == 0.0 { 0 } else { (value.abs() as u32).clamp(1, i32::MAX as u32) };
         }
-        if let Some(value) = take(&mut self.enabled, 1.0) {
+        if let Some(value) = enabled {
             let is_on = value == self.enabled_value;
             self.powered(is_on);
         }
-        if let Some(count) = take(&mut self.counter, 1.0) {
+        if let Some(count) = counter {
             self.counts_on = count != self.count;
             self.count = count;
         }
@@ -271,14 +260,15 @@ impl Drive for Dbc {
             return Receipt::Noted;
         }
         self.place = position;
-        if self.enabled.is_none() {
+        let [velocity, torque, temperature, _, enabled, _] = &self.reports;
+        if enabled.is_none() {
             self.power = if self.power_up.is_asked() { Power::On } else { Power::Off };
         }
         Receipt::Measured(Measurement {
             position,
-            velocity: value(self.velocity.as_ref(), now_ns, self.stale_ns),
-            torque: value(self.torque.as_ref(), now_ns, self.stale_ns),
-            temperature: value(self.temperature.as_ref(), now_ns, TEMPERATURE_NS),
+            velocity: value(velocity.as_ref(), now_ns, self.stale_ns),
+            torque: value(torque.as_ref(), now_ns, self.stale_ns),
+            temperature: value(temperature.as_ref(), now_ns, TEMPERATURE_NS),
         })
     }
 
@@ -292,12 +282,7 @@ impl Drive for Dbc {
     }
 
     fn forget(&mut self) {
-        let Dbc { position, velocity, torque, temperature, fault, enabled, counter, .. } = self;
-        [velocity, torque, temperature, fault, enabled, counter]
-            .into_iter()
-            .flatten()
-            .chain([position])
-            .for_each(Reported::forget);
+        self.reports.iter_mut().flatten().chain([&mut self.position]).for_each(Reported::forget);
         (self.silent, self.place, self.code, self.not_finite) = (false, f64::NAN, 0, false);
         self.power = Power::Unknown;
         self.power_up.forget();
@@ -313,19 +298,20 @@ impl Drive for Dbc {
 
     fn steps(&self) -> Setpoint {
         let [position_unit, velocity_unit, torque_unit, ..] = self.units;
+        let [velocity, torque, ..] = &self.reports;
         let step = |reported: Option<&Reported>, unit: f64| {
             reported.map_or(0.0, |reported| reported.named.step() * unit.abs())
         };
         Setpoint {
             position: step(Some(&self.position), position_unit),
-            velocity: step(self.velocity.as_ref(), velocity_unit),
-            torque: step(self.torque.as_ref(), torque_unit),
+            velocity: step(velocity.as_ref(), velocity_unit),
+            torque: step(torque.as_ref(), torque_unit),
             ..Setpoint::default()
         }
     }
 
     fn counts(&self) -> bool {
-        self.counter.is_some()
+        matches!(self.reports, [.., Some(_)])
     }
 
     fn replies(&self) -> Vec<Reply> {
@@ -341,7 +327,6 @@ impl Drive for Dbc {
 }
 
 state!(Dbc {
-    position, velocity, torque, temperature, fault, enabled, counter, count, counts_on, silent,
-    place, code, not_finite, power, power_up;
+    position, reports, count, counts_on, silent, place, code, not_finite, power, power_up;
     torque_limit, sent, enable, units, enabled_value, stale_ns
 });

@@ -32,7 +32,7 @@ pub(super) const DBC: Protocol = Protocol {
     modes: &[Mode::Torque, Mode::Impedance, Mode::Position, Mode::Velocity],
     fd: false,
     keys: &[
-        Key::file("file", "the DBC file"),
+        Key { kind: KeyKind::File, ..Key::text("file", "the DBC file") },
         signal("enable", None, "signal that gives power, Message.Signal"),
         number("enable_value", "1", "its value for power"),
         number("disable_value", "0", "its value without power"),
