@@ -365,6 +365,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
         "moving",
         "not_commissioned",
         "position_changed",
+        "external_force",
     ];
     for (code, name) in (0..).zip(REASONS) {
         assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));
