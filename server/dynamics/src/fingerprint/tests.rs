@@ -22,6 +22,8 @@ fn everything() -> Description {
         },
         motor: Some(Motor {
             continuous: 3.0,
+            thermal_time: 60.0,
+            series_stiffness: 350.0,
             driving: vec![[30.0, 25.0], [40.0, 0.0]],
             braking: vec![[31.0, 32.0]],
             power: 500.0,
@@ -139,8 +141,10 @@ impl<'a> Leaves<'a> {
             leaves.numbers.extend([damping, stiffness, rest, rotor_inertia, gear_ratio]);
             let Friction { coulomb, viscous, speed } = friction;
             leaves.numbers.extend([coulomb, viscous, speed]);
-            if let Some(Motor { continuous, driving, braking, power, efficiency }) = motor {
-                leaves.numbers.extend([continuous, power]);
+            if let Some(motor) = motor {
+                let Motor { continuous, thermal_time, series_stiffness, power, .. } = motor;
+                leaves.numbers.extend([continuous, power, thermal_time, series_stiffness]);
+                let Motor { driving, braking, efficiency, .. } = motor;
                 leaves.numbers.extend(efficiency);
                 leaves.numbers.extend(driving.as_flattened_mut().iter_mut());
                 leaves.numbers.extend(braking.as_flattened_mut().iter_mut());
