@@ -328,7 +328,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
     assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return", "confirm"])));
-    const REASONS: [&str; 36] = [
+    const REASONS: [&str; 37] = [
         "none",
         "disarmed",
         "command_lost",
