@@ -19,8 +19,8 @@ use crate::stress::harness::{
 use crate::stress::mechanisms::approach::{known, platform};
 use crate::stress::mechanisms::{BASE, LOOSE, angle_of_crank};
 
-/// Largest force of each actuator, the usual size of a number, and the part of that which is as good
-/// as nothing: differences count as parts of it.
+/// Largest force of each actuator, the usual size of a number, and the part of that which is as
+/// good as nothing: differences count as parts of it.
 const FORCE: f64 = 10.0;
 const NOTHING: f64 = 1e-3;
 /// Directions in which sets are compared.

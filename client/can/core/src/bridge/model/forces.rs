@@ -58,8 +58,8 @@ impl RobotModel {
         }
     }
 
-    /// Forces that the model does not explain, for this reason: reported efforts beside the model's,
-    /// or the pose's external forces.
+    /// Forces that the model does not explain, for this reason: reported efforts beside the
+    /// model's, or the pose's external forces.
     pub(super) fn compare_efforts(&mut self, reason: Reason) {
         let is_external = reason == Reason::ExternalForce;
         let part = if is_external { self.rules.external } else { self.rules.effort };

@@ -19,8 +19,8 @@ fn robots(rules: &str) -> Vec<(u64, Run)> {
     seeds.filter_map(of).take(16).collect()
 }
 
-/// At rest, an actuator's way is pushed more and more; the reason of the stop, and the time since the
-/// push was beyond the threshold `[ms]`.
+/// At rest, an actuator's way is pushed more and more; the reason of the stop, and the time since
+/// the push was beyond the threshold `[ms]`.
 fn pushed(run: &mut Run) -> Option<(Reason, f64)> {
     run.rests = true;
     while !run.next.is_over(run.world.now_ns) {
