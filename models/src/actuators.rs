@@ -13,6 +13,8 @@ const KEYS: &[&str] = &[
     "model",
     "peak_torque",
     "continuous_torque",
+    "thermal_time",
+    "series_stiffness",
     "max_speed",
     "torque_speed",
     "braking_torque_speed",
@@ -22,6 +24,11 @@ const KEYS: &[&str] = &[
     "gear_ratio",
     "efficiency",
     "friction",
+];
+/// Keys that no request reads, and where they count.
+const KEPT: &[(&str, &str)] = &[
+    ("thermal_time", "`simulate --limits` alone reads it"),
+    ("series_stiffness", "nothing reads it: motor and joint move as one"),
 ];
 const FRICTION: &[&str] = &["coulomb", "viscous", "speed"];
 
@@ -76,6 +83,11 @@ pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) 
         if !keys(node, OF, KEYS, diagnostics) {
             continue;
         }
+        for (key, reader) in KEPT {
+            if let Some(item) = node.get(key) {
+                diagnostics.note(item.span, format!("`{key}` is kept"), *reader);
+            }
+        }
         let mut joints = words(node, "joints", diagnostics).unwrap_or_default();
         joints.extend(word(node, "joint", diagnostics));
         if node.get("joint").is_none() && node.get("joints").is_none() {
@@ -118,6 +130,8 @@ fn actuator(
 ) {
     let mut own = Motor {
         continuous: f64::INFINITY,
+        thermal_time: f64::INFINITY,
+        series_stiffness: f64::INFINITY,
         driving: Vec::new(),
         braking: Vec::new(),
         power: f64::INFINITY,
@@ -136,6 +150,8 @@ fn actuator(
     };
     positive(node, "peak_torque", &mut limits.effort, false);
     positive(node, "continuous_torque", &mut own.continuous, false);
+    positive(node, "thermal_time", &mut own.thermal_time, false);
+    positive(node, "series_stiffness", &mut own.series_stiffness, false);
     positive(node, "max_speed", &mut limits.velocity, false);
     positive(node, "power", &mut own.power, false);
     positive(node, "rotor_inertia", &mut terms.rotor_inertia, true);
@@ -144,6 +160,9 @@ fn actuator(
         positive(friction, "viscous", &mut terms.friction.viscous, true);
         positive(friction, "speed", &mut terms.friction.speed, false);
         keys(friction, "friction", FRICTION, diagnostics);
+    }
+    if node.get("thermal_time").is_some() && own.continuous.is_infinite() {
+        missing(node, OF, "continuous_torque", "what it bears for ever", diagnostics);
     }
     if let Some(item) = node.get("gear_ratio") {
         terms.gear_ratio = number(item, "gear_ratio", diagnostics).unwrap_or(1.0);

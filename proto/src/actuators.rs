@@ -113,6 +113,8 @@ wire_enum! {
         NotCommissioned = 34, "not_commissioned";
         /// A motor is back at another position than the last known one: an operator confirms it.
         PositionChanged = 35, "position_changed";
+        /// Something pushes a mechanism harder than its threshold.
+        ExternalForce = 36, "external_force";
     }
 }
 

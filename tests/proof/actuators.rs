@@ -97,6 +97,9 @@ fn faults_of_actuators_have_their_place_and_remedy() {
     for (text, word) in [
         ("  model: N5020\n", "N5020-16"),
         ("  peak_torque: -1\n", "peak_torque"),
+        ("  thermal_time: 0\n  continuous_torque: 1\n", "thermal_time"),
+        ("  thermal_time: 9\n", "continuous_torque"),
+        ("  series_stiffness: -2\n", "series_stiffness"),
         ("  torque_speed: [[1, 2], [0, 1]]\n", "higher speed"),
         ("  efficiency: [1.2, 1]\n", "efficiencies"),
         ("  torque: 1\n", "not known"),
@@ -203,4 +206,61 @@ fn a_joint_bounces_off_its_stop_at_the_time_of_contact_and_loses_energy_there() 
         assert!(least.map(|sample| sample.yd[0]).fold(0.0, f64::min) < -0.5);
         assert!(stopped.drift() < 1e-6, "{}", stopped.drift());
     }
+}
+
+#[test]
+fn a_winding_that_is_warm_bears_the_continuous_torque_alone() {
+    let usual = "  peak_torque: 6\n  friction: {viscous: 40}\n  continuous_torque: 3\n";
+    let run = |more: &str, limited, method, step| {
+        let loaded = driven(&format!("{usual}{more}"));
+        let inputs = [Input { space: Space::Actuator, source: Force::Constant(vec![5.0]) }];
+        let setup = Setup {
+            description: &loaded.description,
+            compiled: &loaded.compiled,
+            springs: &[],
+            inputs: &inputs,
+        };
+        let settings = Settings { friction: true, limited, step, ..Settings::new(method, 60.0) };
+        let start = Start::Independent { y: vec![0.0], yd: vec![0.0], guess: None };
+        simulate(&setup, &start, &settings, &mut |_| {}).unwrap()
+    };
+    // a method may also tell that the motion is stiff
+    let limited_at = |run: &sarrus_simulation::Run| {
+        let kind = EventKind::Limited { name: "pivot".into() };
+        run.events.iter().find(|event| event.kind == kind).map(|event| event.time)
+    };
+    // where gravity balances a force
+    let at = |force: f64| (force / (2.0 * 9.81 * 0.5)).asin();
+    let warm = "  thermal_time: 2\n";
+    for (more, limited) in [("", true), (warm, false)] {
+        let cold = run(more, limited, Method::Dop853, None);
+        assert_eq!(limited_at(&cold), None);
+        assert!((cold.last().unwrap().y[0] - at(5.0)).abs() < 1e-4);
+    }
+    for (method, step) in
+        [(Method::Dop853, None), (Method::Radau5, None), (Method::RungeKutta, Some(2e-3))]
+    {
+        let hot = run(warm, true, method, step);
+        let end = hot.last().unwrap().y[0];
+        assert!((end - at(3.0)).abs() < 1e-3, "{end} {}", at(3.0));
+        assert!(hot.drift() < 1e-5, "{}", hot.drift());
+        let time = limited_at(&hot).unwrap();
+        // (5 / 3)² (1 − exp(−t / T)) = 1 − 0.05 (5 − 3) / (6 − 3)
+        let expected = -2.0 * (1.0 - (1.0 - 0.05 * 2.0 / 3.0) * 9.0 / 25.0_f64).ln();
+        assert!(time >= expected, "{} {expected}", time);
+        if step.is_some() {
+            assert!(time < expected + 4e-3, "{} {expected}", time);
+        }
+    }
+}
+
+#[test]
+fn notes_tell_who_reads_the_winding_and_the_spring_of_a_motor() {
+    let loaded = driven(
+        "  peak_torque: 6\n  continuous_torque: 3\n  thermal_time: 2\n  series_stiffness: 350\n",
+    );
+    let notes: Vec<_> = loaded.report.notes.iter().map(|note| note.found.as_str()).collect();
+    assert_eq!(notes, ["`thermal_time` is kept", "`series_stiffness` is kept"]);
+    let motor = loaded.description.joints[0].motor.clone().unwrap();
+    assert_eq!([motor.continuous, motor.thermal_time, motor.series_stiffness], [3.0, 2.0, 350.0]);
 }

@@ -328,7 +328,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
     assert!(states.eq((0..).zip(["disabled", "arming", "enabled", "fault", "stopping"])));
     let operations = Operation::ALL.iter().map(|operation| (*operation as u32, operation.name()));
     assert!(operations.eq((1..).zip(["arm", "disarm", "reset", "return", "confirm"])));
-    const REASONS: [&str; 36] = [
+    const REASONS: [&str; 37] = [
         "none",
         "disarmed",
         "command_lost",
@@ -365,6 +365,7 @@ fn what_a_bridge_says_keeps_its_numbers_and_names() {
         "moving",
         "not_commissioned",
         "position_changed",
+        "external_force",
     ];
     for (code, name) in (0..).zip(REASONS) {
         assert_eq!(Reason::from_code(code).map(Reason::name), Some(name));

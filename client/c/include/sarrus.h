@@ -718,6 +718,10 @@ enum sarrus_reason
      * A motor is back at another position than the last known one: an operator confirms it.
      */
     SARRUS_REASON_POSITION_CHANGED = 35,
+    /**
+     * Something pushes a mechanism harder than its threshold.
+     */
+    SARRUS_REASON_EXTERNAL_FORCE = 36,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -100,6 +100,8 @@ pub enum Reason {
     NotCommissioned = 34,
     /// A motor is back at another position than the last known one: an operator confirms it.
     PositionChanged = 35,
+    /// Something pushes a mechanism harder than its threshold.
+    ExternalForce = 36,
 }
 
 /// An operation that an operator requests from the bridge.
@@ -261,7 +263,7 @@ mod tests {
         wire::Reason::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
         wire::Operation::ALL.iter().for_each(|x| is_there(x.name(), *x as u32));
         assert_eq!(MechanismState::Stopping as usize + 1, wire::MechanismState::ALL.len());
-        assert_eq!(Reason::PositionChanged as usize + 1, wire::Reason::ALL.len());
+        assert_eq!(Reason::ExternalForce as usize + 1, wire::Reason::ALL.len());
         assert_eq!(Operation::Confirm as usize, wire::Operation::ALL.len());
         for (bit, name) in wire::flag::NAMES.iter().enumerate() {
             let number = if bit == 0 { "1".to_owned() } else { format!("1 << {bit}") };

@@ -98,12 +98,15 @@ fn cut(robot: &Robot<'_>, of: &Loop) -> String {
 
 /// The motor of a joint that has one.
 fn actuator(joint: &Joint) -> Option<String> {
-    let Motor { continuous, driving, braking, power, efficiency } = joint.motor.as_ref()?;
+    let Motor { continuous, thermal_time, series_stiffness, driving, braking, power, efficiency } =
+        joint.motor.as_ref()?;
     let mut text = format!("- joint: {}\n", word(&joint.name));
     let limits = joint.limits;
     for (key, value) in [
         ("peak_torque", limits.map_or(f64::INFINITY, |of| of.effort)),
         ("continuous_torque", *continuous),
+        ("thermal_time", *thermal_time),
+        ("series_stiffness", *series_stiffness),
         ("max_speed", limits.map_or(f64::INFINITY, |of| of.velocity)),
         ("power", *power),
     ] {

@@ -230,7 +230,7 @@ fn lambda(lines: &str, [from, to]: [&str; 2]) -> Loaded {
 fn motors_are_written_to_our_own_files_and_named_where_a_format_has_none() {
     let motor = "actuators:\n- joint: ElbowAct\n  torque_speed: [[0.3, 2000], [0.5, 0]]\n  \
                  braking_torque_speed: [[0.3, 2500], [0.5, 0]]\n  continuous_torque: 400\n  \
-                 power: 300\n  rotor_inertia: 1e-5\n  gear_ratio: -3000\n  \
+                 thermal_time: 30\n  series_stiffness: 5e5\n  power: 300\n  rotor_inertia: 1e-5\n  gear_ratio: -3000\n  \
                  efficiency: [0.9, 0.8]\n  friction: {coulomb: 20, viscous: 3, speed: 0.02}\n";
     let loaded = lambda(motor, ["", ""]);
     assert_eq!(again(&exported(&loaded, Target::Urdf)).description, loaded.description);

@@ -149,8 +149,10 @@ impl CanonicalBytes {
         self.option(coupling, Self::coupling);
         self.terms(terms);
         // robots without motors keep their fingerprints
-        if let Some(Motor { continuous, driving, braking, power, efficiency }) = motor {
-            self.numbers(&[*continuous, *power]);
+        if let Some(motor) = motor {
+            let Motor { continuous, thermal_time, series_stiffness, power, .. } = motor;
+            let Motor { driving, braking, efficiency, .. } = motor;
+            self.numbers(&[*continuous, *power, *thermal_time, *series_stiffness]);
             self.numbers(efficiency);
             self.list(driving, |bytes, point| bytes.numbers(point));
             self.list(braking, |bytes, point| bytes.numbers(point));

@@ -133,6 +133,7 @@ fn a_cycle_allocates_nothing_whatever_the_protocol_and_whatever_happens() {
 #[test]
 fn a_cycle_with_the_model_of_a_robot_allocates_nothing() {
     let text = include_str!("../../../client/can/examples/rh5v2_upper_body.yml");
+    let text = format!("{text}\nmodel: {{external: 10}}\n");
     let robot = |_: &Source| load(&Source::Bundled("rh5v2_upper_body".into()), &Options::default());
     let surroundings = Surroundings { file: &|_| Err("absent".into()), robot: &robot };
     let config = Configuration::read("robot.yml", text.into(), &surroundings)

@@ -22,6 +22,8 @@ fn everything() -> Description {
         },
         motor: Some(Motor {
             continuous: 3.0,
+            thermal_time: 60.0,
+            series_stiffness: 350.0,
             driving: vec![[30.0, 25.0], [40.0, 0.0]],
             braking: vec![[31.0, 32.0]],
             power: 500.0,
@@ -139,8 +141,10 @@ impl<'a> Leaves<'a> {
             leaves.numbers.extend([damping, stiffness, rest, rotor_inertia, gear_ratio]);
             let Friction { coulomb, viscous, speed } = friction;
             leaves.numbers.extend([coulomb, viscous, speed]);
-            if let Some(Motor { continuous, driving, braking, power, efficiency }) = motor {
-                leaves.numbers.extend([continuous, power]);
+            if let Some(motor) = motor {
+                let Motor { continuous, thermal_time, series_stiffness, power, .. } = motor;
+                leaves.numbers.extend([continuous, power, thermal_time, series_stiffness]);
+                let Motor { driving, braking, efficiency, .. } = motor;
                 leaves.numbers.extend(efficiency);
                 leaves.numbers.extend(driving.as_flattened_mut().iter_mut());
                 leaves.numbers.extend(braking.as_flattened_mut().iter_mut());
@@ -207,7 +211,7 @@ fn the_fingerprint_of_a_description_made_by_hand_is_this_number() {
     assert_eq!(bytes[9..15], *"röbot".as_bytes());
     assert_eq!(bytes[15..23], 3_u64.to_le_bytes());
     assert_eq!(bytes[bytes.len() - 8..], (-9.81_f64).to_bits().to_le_bytes());
-    assert_eq!((bytes.len(), everything().fingerprint()), (1378, 0xee30_1a06_ed75_0bb0));
+    assert_eq!((bytes.len(), everything().fingerprint()), (1410, 0xdb51_4d42_b3c7_98d6));
 }
 
 #[test]
@@ -233,7 +237,7 @@ fn changing_any_name_number_or_index_changes_the_fingerprint() {
     for k in 0..counts[2] {
         seen.push(after(|description| *Leaves::of(description).indices[k] += 7));
     }
-    assert_eq!(counts, [16, 110, 20]);
+    assert_eq!(counts, [16, 114, 20]);
     let n = seen.len();
     seen.sort_unstable();
     seen.dedup();

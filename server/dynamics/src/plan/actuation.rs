@@ -95,7 +95,7 @@ fn lesser<T: Real>(a: T, b: T) -> T {
 }
 
 /// G_uᵀ (n_vy × n_u) into `dense`, τ_y into `dense_rhs`.
-fn actuator_matrix<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
+pub(super) fn actuator_matrix<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) {
     let m = cluster.n_vy;
     let n_u = cluster.active.len();
     let G = cluster.G(&ws.G);

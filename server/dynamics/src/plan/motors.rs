@@ -10,6 +10,7 @@ use crate::linalg::{Zonotope, dot, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::Plan;
+use crate::plan::actuation::actuator_matrix;
 use crate::plan::needed::Needed;
 use crate::scalar::{Real, all_finite};
 use crate::workspace::{MOST_SEGMENTS, MotorScratch, Workspace};
@@ -344,19 +345,24 @@ impl Plan {
     fn find_margin<T: Real>(
         &self,
         model: &Model<T>,
-        ws: &Workspace<T>,
+        ws: &mut Workspace<T>,
         motors: &Motors,
         own: &mut MotorScratch<T>,
     ) {
-        let mut margin = T::from_f64(f64::INFINITY);
-        let MotorScratch { segments, scratch, limits, binding, base, no_limit, .. } = own;
-        binding.fill(T::ZERO);
+        own.margin = T::from_f64(f64::INFINITY);
+        own.binding.fill(T::ZERO);
         for cluster in motors.clusters.iter().map(|c| &model.clusters[*c]) {
             let p = cluster.n_vy;
-            let tau = &ws.tau_y[cluster.independents()];
-            if tau.iter().all(|x| *x == T::ZERO) {
+            if ws.tau_y[cluster.independents()].iter().all(|x| *x == T::ZERO) {
                 continue;
             }
+            // facets of a thin set lose their digits twice
+            if cluster.active.len() == p && find_square_margin(cluster, ws, own) {
+                continue;
+            }
+            let MotorScratch { segments, scratch, limits, binding, base, no_limit, margin, .. } =
+                &mut *own;
+            let tau = &ws.tau_y[cluster.independents()];
             let G = cluster.G(&ws.G);
             for (row, (u, j)) in segments.chunks_exact_mut(p).zip(&cluster.active) {
                 row.copy_from_slice(G.row(*j));
@@ -369,7 +375,7 @@ impl Plan {
                 set.across(rest, across);
                 let most = T::from_f64(ACROSS * ACROSS) * dot(tau, tau);
                 if most.lt(dot(across, across)) {
-                    margin = T::ZERO;
+                    *margin = T::ZERO;
                     binding.fill(T::ZERO);
                     return;
                 }
@@ -388,13 +394,9 @@ impl Plan {
                         acts(g).map_or(sum, |c| (c * lower).larger(c * upper) + sum)
                     });
                     let s = reach / leaves.abs();
-                    if !s.is_finite() || (margin * T::from_f64(1.0 + ALIKE)).lt(s) {
+                    if !leads(s, margin, binding) {
                         return;
                     }
-                    if s.lt(margin * T::from_f64(1.0 - ALIKE)) {
-                        binding.fill(T::ZERO);
-                    }
-                    margin = lesser(margin, s);
                     for (g, (u, _)) in rows() {
                         if let Some(c) = acts(g) {
                             binding[*u] = T::select_lt(c, T::ZERO, -T::ONE, T::ONE);
@@ -403,12 +405,49 @@ impl Plan {
                 });
             });
         }
-        own.margin = margin;
         if own.no_limit {
             own.margin = T::from_f64(f64::NAN);
             own.binding.fill(own.margin);
         }
     }
+}
+
+/// The margin of as many actuators as independents, by their forces; false where these are not
+/// sound.
+fn find_square_margin<T: Real>(
+    cluster: &Cluster<T>,
+    ws: &mut Workspace<T>,
+    own: &mut MotorScratch<T>,
+) -> bool {
+    actuator_matrix(cluster, ws);
+    let Workspace { dense, dense_rhs, .. } = ws;
+    if solve_sound(dense, dense_rhs, cluster.n_vy, 1, cluster.least_authority).is_none() {
+        return false;
+    }
+    for ((u, _), tau) in cluster.active.iter().zip(dense_rhs) {
+        let [lower, upper] = own.limits[*u];
+        own.no_limit |= !lower.is_finite();
+        if leads(
+            T::select_lt(*tau, T::ZERO, lower, upper) / *tau,
+            &mut own.margin,
+            &mut own.binding,
+        ) {
+            own.binding[*u] = T::select_lt(*tau, T::ZERO, -T::ONE, T::ONE);
+        }
+    }
+    true
+}
+
+/// Takes a margin that is the least one or like it; others of more than it bind no longer.
+fn leads<T: Real>(s: T, margin: &mut T, binding: &mut [T]) -> bool {
+    if !s.is_finite() || (*margin * T::from_f64(1.0 + ALIKE)).lt(s) {
+        return false;
+    }
+    if s.lt(*margin * T::from_f64(1.0 - ALIKE)) {
+        binding.fill(T::ZERO);
+    }
+    *margin = lesser(*margin, s);
+    true
 }
 
 /// The lesser one.

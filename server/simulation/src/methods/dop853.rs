@@ -66,7 +66,7 @@ impl Dop853 {
 
     /// A method at its start; the step is chosen by the crate where none is known.
     fn start(&mut self, engine: &mut Engine, t: f64, x: &[f64]) -> Result<Box<Method>, Attempt> {
-        let controlled = engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy;
+        let controlled = engine.mechanism.controlled();
         let allowed: Vec<f64> =
             (0..x.len()).map(|i| if i < controlled { self.atol } else { FREE }).collect();
         let step = self.first.min(self.end - t);

@@ -1,8 +1,9 @@
-//! The right-hand side: from t and x = [y; ẏ; work] to ẋ.
+//! The right-hand side: from t and x = [y; ẏ; ϑ; work] to ẋ.
 //!
 //! ```text
 //!   ẏ from y's own velocity (a quaternion: ½ q ω of the unit quaternion),
-//!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses
+//!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses,
+//!   T ϑ' = (τ / τ_c)² − ϑ of the windings whose time constant and continuous force are known
 //! ```
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays
 //! constant.
@@ -38,6 +39,8 @@ pub(crate) struct Mechanism {
     frictions: Vec<(usize, Friction)>,
     /// Velocity of each actuator.
     actuators: Vec<usize>,
+    /// Each winding that warms up: its actuator, continuous force and time constant.
+    windings: Vec<(usize, f64, f64)>,
     stops: Vec<Stop>,
 }
 
@@ -49,6 +52,9 @@ pub(crate) struct Effects {
     /// Stiffness of stops at the limits of joints.
     pub(crate) stops: Option<f64>,
 }
+
+/// Part of the temperature of the continuous force from which on the largest force falls to it.
+const WARM: f64 = 0.95;
 
 /// A stop of a joint of one freedom, by its coordinate and velocity.
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +81,15 @@ impl Mechanism {
         let rough =
             |joint: &&Joint| effects.friction && joint.terms.friction != Friction::default();
         let rough = description.joints.iter().filter(rough);
+        let windings = model.active_names().iter().enumerate().filter_map(|(u, name)| {
+            let joint = description.joints.iter().find(|joint| joint.name == *name)?;
+            let motor = joint.motor.as_ref().filter(|motor| motor.thermal_time.is_finite())?;
+            Some((u, motor.continuous, motor.thermal_time))
+        });
+        let is_driven = effects.limited && inputs.iter().any(|input| input.is_of_motors);
         let damped = description.joints.iter().filter(|joint| joint.terms.damping != 0.0);
         Mechanism {
+            windings: windings.filter(|_| is_driven).collect(),
             sizes: model.sizes(),
             y: Coordinates::of(model.independent_q_names(), model.independent_names()),
             q: Coordinates::of(model.tree_q_names(), model.tree_names()),
@@ -116,9 +129,14 @@ impl Mechanism {
             .fold(given - loss, |sum, (v, damping)| sum - T::from_f64(*damping) * qd[*v] * qd[*v])
     }
 
+    /// Numbers in x whose error is controlled: all but the work.
+    pub(crate) fn controlled(&self) -> usize {
+        self.sizes.n_qy + self.sizes.n_vy + self.windings.len()
+    }
+
     /// Numbers in x.
     pub(crate) fn n(&self) -> usize {
-        self.sizes.n_qy + self.sizes.n_vy + usize::from(self.works())
+        self.controlled() + usize::from(self.works())
     }
 
     /// True where closures continue along G: a robot with loops that is not too large.
@@ -141,28 +159,33 @@ impl Mechanism {
             || self.inputs.iter().any(OnTree::is_feedback)
     }
 
-    /// The forces of the inputs on the tree. Calls `cut` with the actuator whose force is kept
-    /// within its limits.
+    /// The forces of the inputs on the tree at x. Calls `each` with an actuator, its force, and
+    /// whether that is kept within its limits.
     pub(crate) fn forces<T: PlanScalar>(
         &self,
         model: &Model<T>,
-        t: f64,
+        (t, x): (f64, &[T]),
         (q, qd): (&[T], &[T]),
         tau_q: &mut [T],
-        mut cut: impl FnMut(usize),
+        mut each: impl FnMut(usize, T, bool),
     ) {
+        let warmth = x.get(self.sizes.n_qy + self.sizes.n_vy..).unwrap_or_default();
         tau_q.fill(T::ZERO);
         let of_motors = |input: &&OnTree| input.is_of_motors;
         self.inputs.iter().filter(of_motors).for_each(|input| input.add(t, q, qd, tau_q));
         for (u, v) in self.actuators.iter().enumerate().filter(|_| self.effects.limited) {
             let speed = qd.get(*v).map_or(0.0, |speed| speed.to_f64());
             let Some(limits) = model.actuator_forces(u, speed) else { continue };
-            let [lower, upper] = limits.map(T::from_f64);
+            let winding = self.windings.iter().zip(warmth).find(|((of, ..), _)| *of == u);
+            let [lower, upper] = limits.map(|limit| {
+                let Some(((_, continuous, _), warmth)) = winding else { return T::from_f64(limit) };
+                let room = ((1.0 - warmth.to_f64()) / (1.0 - WARM)).clamp(0.0, 1.0);
+                let more = (limit.abs() - continuous).max(0.0);
+                T::from_f64(limit.signum() * (limit.abs() - (1.0 - room) * more))
+            });
             let tau = T::select_lt(upper, tau_q[*v], upper, tau_q[*v]);
             let tau = T::select_lt(tau, lower, lower, tau);
-            if tau != tau_q[*v] {
-                cut(u);
-            }
+            each(u, tau, tau != tau_q[*v]);
             tau_q[*v] = tau;
         }
         let others = self.inputs.iter().filter(|input| !input.is_of_motors);
@@ -219,6 +242,8 @@ pub(crate) struct Rates<T: PlanScalar> {
     forward: Planned<T>,
     y: Vec<T>,
     tau_q: Vec<T>,
+    /// Force of each actuator with limits (n_u).
+    given: Vec<T>,
     wrenches: Vec<T>,
     effect: Effect<T>,
 }
@@ -260,6 +285,7 @@ impl<T: PlanScalar> Rates<T> {
             forward,
             y: of(mechanism.sizes.n_qy),
             tau_q: of(mechanism.sizes.n_v),
+            given: of(mechanism.sizes.n_u),
             wrenches: of(6 * links.len()),
             effect: Effect { energy: T::ZERO, loss: T::ZERO },
             model,
@@ -284,8 +310,12 @@ impl<T: PlanScalar> Rates<T> {
         }
         mechanism.y.rate(&x[..n_qy], &self.y, &x[n_qy..n_qy + n_vy], &mut rate[..n_qy]);
         rate[n_qy..n_qy + n_vy].copy_from_slice(self.forward.get(Field::Ydd));
+        for (k, (u, continuous, time)) in mechanism.windings.iter().enumerate() {
+            let part = self.given[*u] / T::from_f64(*continuous);
+            rate[n_qy + n_vy + k] = (part * part - x[n_qy + n_vy + k]) / T::from_f64(*time);
+        }
         if mechanism.works() {
-            rate[n_qy + n_vy] =
+            rate[mechanism.controlled()] =
                 mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
         }
         // an overflow is no motion either
@@ -324,7 +354,9 @@ impl<T: PlanScalar> Rates<T> {
             .pose
             .as_ref()
             .map_or((&[] as &[T], &[] as &[T]), |pose| (pose.get(Field::Q), pose.get(Field::Qd)));
-        mechanism.forces(&self.model, t, (q, qd), &mut self.tau_q, |_| {});
+        let given = &mut self.given;
+        let state = (q, qd);
+        mechanism.forces(&self.model, (t, x), state, &mut self.tau_q, |u, tau, _| given[u] = tau);
         self.pull(mechanism);
         self.forward.give(Field::TauQ, &self.tau_q);
         self.forward.give(Field::Wrenches, &self.wrenches);

@@ -254,7 +254,8 @@ impl<'a> Simulator<'a> {
         let mut now = vec![false; self.cut.len()];
         let mut tau_q = vec![0.0; mechanism.sizes.n_v];
         let state = (anchor.q.as_slice(), anchor.qd.as_slice());
-        mechanism.forces(model, self.t, state, &mut tau_q, |u| now[u] = true);
+        let at = (self.t, self.x.as_slice());
+        mechanism.forces(model, at, state, &mut tau_q, |u, _, is_cut| now[u] = is_cut);
         for (u, name) in model.active_names().iter().enumerate() {
             if now[u] && !self.cut[u] {
                 let kind = EventKind::Limited { name: name.clone() };
@@ -323,7 +324,7 @@ impl<'a> Simulator<'a> {
         let nothing = Energy { kinetic: f64::NAN, potential: f64::NAN, residual: f64::NAN };
         let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
-        let work = self.x.get(sizes.n_qy + sizes.n_vy);
+        let work = self.x.get(self.engine.mechanism.controlled());
         let sample = Sample::new(self.t, guess, &self.declared, work);
         self.run.samples.push(Sample { energy, ..sample });
         Ok(())

@@ -28,7 +28,8 @@ impl Reaction {
             | Reason::FollowingError
             | Reason::MechanismLimit
             | Reason::NearSingular
-            | Reason::ModelEffort => Reaction::Brake,
+            | Reason::ModelEffort
+            | Reason::ExternalForce => Reaction::Brake,
             // the motor is hot or the bus loses frames, but both still work for the time of a stop
             Reason::OverTemperature | Reason::BusPassive => Reaction::Brake,
             // `feedback_…`, `second_answer`, `loop_residual`, `unreachable`: the measurement is

@@ -76,6 +76,9 @@ pub struct ModelRules {
     /// Part of `limits.effort` by which reported efforts may differ from those of the model; 0
     /// where they are not compared.
     pub effort: f64,
+    /// Part of `limits.effort` that an observed external force may ask of an actuator; 0 where
+    /// none is observed.
+    pub external: f64,
     /// The least clearance from a singular pose, from 0 to 1 at the mechanism's best pose; 0 where
     /// it is not assessed.
     pub clearance: f64,

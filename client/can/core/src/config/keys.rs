@@ -54,6 +54,7 @@ pub(super) const MODEL: &[Key] = &[
         "part of limits.effort by which efforts may differ from the model's, 0 for not compared",
     )
     .or("0"),
+    Key::number("external", 0.0, 10.0, "part of limits.effort for external forces, 0: off").or("0"),
     Key::number(
         "clearance",
         0.0,

@@ -164,7 +164,8 @@ impl Reader<'_, '_> {
     fn model_rules(&mut self, root: &Node) -> ModelRules {
         let read = self.group(root, "model", MODEL);
         let number = |key: &str| read.as_ref().map_or(0.0, |read| read.number(key));
-        ModelRules { effort: number("effort"), clearance: number("clearance") }
+        let [effort, external, clearance] = ["effort", "external", "clearance"].map(number);
+        ModelRules { effort, external, clearance }
     }
 
     fn buses(&mut self, root: &Node) -> Option<Vec<BusConfig>> {

@@ -66,6 +66,8 @@ pub(crate) struct Robot {
     side: Vec<f64>,
     /// The place in q of the joint with an encoder.
     encoder: Option<usize>,
+    /// Forces along the independents that nobody tells the bridge of.
+    pub(crate) push: Vec<f64>,
 }
 
 impl Robot {
@@ -95,6 +97,7 @@ impl Robot {
             forces: plan(&[Y, Yd, Ydd], &[U, Ud, TauU]),
             y: vec![0.0; n],
             yd: vec![0.0; n],
+            push: vec![0.0; n],
             input: vec![0.0; 3 * n],
             output: vec![0.0; state.want().len()],
             system: Cholesky::new(n),
@@ -126,7 +129,7 @@ impl Robot {
         [self.output[self.places.u + u], self.output[self.places.ud + u]]
     }
 
-    fn row(&self, u: usize) -> &[f64] {
+    pub(crate) fn row(&self, u: usize) -> &[f64] {
         let n = self.y.len();
         &self.output[self.places.jacobian + u * n..][..n]
     }
@@ -161,7 +164,7 @@ impl Robot {
         self.system.matrix.copy_from_slice(mass);
         for i in 0..n {
             let momentum: f64 = (0..n).map(|j| mass[i * n + j] * self.yd[j]).sum();
-            self.side[i] = momentum - h * self.output[self.places.bias + i];
+            self.side[i] = momentum - h * (self.output[self.places.bias + i] - self.push[i]);
         }
         for shaft in shafts {
             let mapping = &shaft.mapping;

@@ -8,6 +8,7 @@
 
 mod attacks;
 mod moves;
+mod pushes;
 mod regressions;
 
 use std::collections::BTreeMap;
@@ -146,7 +147,7 @@ impl Run {
     fn new(seed: u64, drives: &[(&'static str, String)]) -> Option<Run> {
         let mut chance = Chance(seed);
         if seed % ROBOTS == 1 {
-            Run::robot(seed, chance, drives)
+            Run::robot(seed, chance, drives, "effort: 0.3")
         } else {
             let (name, drive) = &drives[(chance.bits() % drives.len() as u64) as usize];
             let rate = [250, 333, 500, 1000][(chance.bits() % 4) as usize];
@@ -163,12 +164,19 @@ impl Run {
         }
     }
 
-    fn robot(seed: u64, mut chance: Chance, drives: &[(&'static str, String)]) -> Option<Run> {
+    /// A robot whose bridge has these rules of the model.
+    fn robot(
+        seed: u64,
+        mut chance: Chance,
+        drives: &[(&'static str, String)],
+        rules: &str,
+    ) -> Option<Run> {
         let rates = [1000, 500, 333, 250];
         let first = (chance.bits() % 4) as usize;
         let drawn = |rate: u32| {
             let mut chance = Chance(seed ^ 0x0B07);
-            let drawn = robots::draw(&mut chance, drives, rate);
+            let mut drawn = robots::draw(&mut chance, drives, rate);
+            drawn.text = drawn.text.replacen("effort: 0.3", rules, 1);
             World::of_robot(&drawn).map(|world| (drawn, world))
         };
         let (drawn, mut world) = rates[first..].iter().find_map(|rate| drawn(*rate))?;

@@ -278,7 +278,7 @@ impl Radau {
 impl Stepper for Radau {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
         let n = x.len();
-        let controlled = engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy;
+        let controlled = engine.mechanism.controlled();
         let scale: Vec<f64> = (0..n)
             .map(|i| if i < controlled { self.atol + self.rtol * x[i].abs() } else { FREE })
             .collect();

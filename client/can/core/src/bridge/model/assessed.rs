@@ -50,7 +50,8 @@ pub(super) struct Assessed {
     clearance_ahead: f64,
     clearance_before: f64,
     y_before: Vec<f64>,
-    pub(super) contradiction: Contradiction,
+    /// Of reported efforts with the model, and external forces beyond their threshold.
+    pub(super) contradictions: [Contradiction; 2],
     /// When all of its actuators had measured anew, at the last look at their motion `[ns]`.
     pub(super) seen_ns: u64,
     /// When filtered efforts and motion are of the same time again `[ns]`.
@@ -73,7 +74,7 @@ impl Assessed {
             clearance_ahead: 1.0,
             clearance_before: f64::NAN,
             y_before: vec![0.0; linkage.independents.len()],
-            contradiction: Contradiction::default(),
+            contradictions: [Contradiction::default(); 2],
             seen_ns: 0,
             settled_ns: 0,
             fault: Reason::None,
@@ -178,6 +179,6 @@ state_of_enum!(Activity { Idle, Powered, Ramping, Following });
 
 state!(Assessed {
     measured, commanded, activity, bounds, least_clearance, clearance_before, y_before,
-    contradiction, seen_ns, settled_ns, fault;
+    contradictions, seen_ns, settled_ns, fault;
     linkage, rates, ahead, clearance_ahead
 });

@@ -3,7 +3,12 @@
 use std::sync::Arc;
 
 use crate::state::state;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, QueryError, Request, Workspace};
+use sarrus_dynamics::{
+    Field, FieldSet, Model, Plan, Query, QueryError, QueryOptions, Request, Workspace,
+};
+
+/// Bandwidth of the observer of external forces `[1/s]`.
+const GAIN: f64 = 50.0;
 
 /// The robot at one pose.
 #[derive(Clone, Debug)]
@@ -37,7 +42,10 @@ struct Prepared {
 
 impl Prepared {
     fn new(model: &Model, request: Request, given: &[Field], want: &[Field]) -> Option<Prepared> {
-        let query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
+        let mut query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
+        if request == Request::Observe {
+            query.options = query.options.with(QueryOptions::FRICTION);
+        }
         let plan: Result<Plan, QueryError> = Plan::new(model, &query);
         let plan = plan.ok()?;
         let input = vec![0.0; plan.given().len()];
@@ -81,20 +89,27 @@ pub(super) struct Evaluator {
     pose: Prepared,
     rest: Prepared,
     motion: Prepared,
+    /// `None` where nothing is observed.
+    observer: Option<Prepared>,
 }
 
 impl Evaluator {
     /// Allocates; nothing after it does. `None` for a model that has no such answers.
-    pub(super) fn new(model: Arc<Model>) -> Option<Evaluator> {
-        use Field::{G, Q, QGuess, TauY, U, Y, Yd, Ydd};
+    pub(super) fn new(model: Arc<Model>, observes: bool) -> Option<Evaluator> {
+        use Field::{Dt, G, Gain, Observer, Q, QGuess, TauExternal, TauU, TauY, U, Y, Yd, Ydd};
         let workspace = Workspace::new(&model);
         let forces = |given: &[Field]| {
             Prepared::new(&model, Request::InverseDynamics, given, &[Q, U, G, TauY])
+        };
+        let observer = || {
+            let given = [Y, QGuess, Yd, TauU, Dt, Gain, Observer];
+            Prepared::new(&model, Request::Observe, &given, &[TauExternal, Observer])
         };
         Some(Evaluator {
             pose: Prepared::new(&model, Request::Kinematics, &[Y, QGuess], &[Q, U, G])?,
             rest: forces(&[Y, QGuess])?,
             motion: forces(&[Y, Yd, Ydd, QGuess])?,
+            observer: if observes { Some(observer()?) } else { None },
             workspace,
             model,
         })
@@ -139,6 +154,26 @@ impl Evaluator {
         self.motion.give(Field::Yd, yd);
         self.motion.give(Field::Ydd, ydd);
         self.motion.run(&self.model, &mut self.workspace, pose)
+    }
+
+    /// A step of the observer to a pose with the time since the last, the motion and the forces of
+    /// the actuators: the external forces are those of the pose. False, and nothing changed, where
+    /// nothing is observed.
+    pub(super) fn observe(
+        &mut self,
+        pose: &mut Pose,
+        given: [(Field, &[f64]); 3],
+        observer: &mut [f64],
+    ) -> bool {
+        let Some(step) = &mut self.observer else { return false };
+        let own = [(Field::Gain, &[GAIN][..]), (Field::Observer, observer)];
+        given.into_iter().chain(own).for_each(|(field, numbers)| step.give(field, numbers));
+        let is_known = step.run(&self.model, &mut self.workspace, pose);
+        if is_known {
+            step.take(Field::Observer, observer);
+            step.take(Field::TauExternal, &mut pose.tau_y);
+        }
+        is_known
     }
 }
 

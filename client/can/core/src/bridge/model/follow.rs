@@ -40,7 +40,7 @@ impl RobotModel {
         // Newton's method until all poses are found
         let mut has_forces = false;
         for round in 0..ROUNDS {
-            let is_closed = if round == 0 && self.rules.effort > 0.0 {
+            let is_closed = if round == 0 && self.rules.effort.max(self.rules.external) > 0.0 {
                 has_forces = self.evaluator.motion(&mut self.pose, &self.yd, &self.ydd);
                 has_forces
             } else {
@@ -85,8 +85,9 @@ impl RobotModel {
         }
         self.compare_encoders(now_ns);
         if has_forces && h > 0.0 {
-            self.compare_efforts();
+            self.compare_efforts(Reason::ModelEffort);
             self.filter(h);
+            self.observe(h);
         }
     }
 

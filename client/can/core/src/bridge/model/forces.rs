@@ -1,5 +1,6 @@
 //! Forces of the model: gravity, and whether reported efforts contradict it.
 
+use sarrus_dynamics::Field;
 use sarrus_proto::actuators::Reason;
 
 use super::assessed::Assessed;
@@ -26,7 +27,7 @@ impl RobotModel {
             }
             let h = (newest - *seen_ns) as f64 * 1e-9;
             *seen_ns = newest;
-            if h > effort::longest(interval) {
+            if h > effort::longest(interval) || !is_known {
                 *settled_ns = newest + effort::SETTLED_NS;
             }
             let rates = &mut self.rates[..linkage.independents.len()];
@@ -57,33 +58,50 @@ impl RobotModel {
         }
     }
 
-    /// Reported efforts against those of the model.
-    pub(super) fn compare_efforts(&mut self) {
-        for k in 0..self.mechanisms.len() {
+    /// Forces that the model does not explain, for this reason: reported efforts beside the
+    /// model's, or the pose's external forces.
+    pub(super) fn compare_efforts(&mut self, reason: Reason) {
+        let is_external = reason == Reason::ExternalForce;
+        let part = if is_external { self.rules.external } else { self.rules.effort };
+        for k in (0..self.mechanisms.len()).filter(|_| part > 0.0) {
             let is_following = self.mechanisms[k].activity == Activity::Following;
             let is_reported = |u: &usize| self.measured[*u].effort.is_finite();
             let is_reported = self.mechanisms[k].linkage.actuators.iter().all(is_reported);
-            let is_compared = is_following && is_reported && self.is_weighable(k, COMPARED);
-            let Assessed { linkage, contradiction, seen_ns, settled_ns, fault, .. } =
+            let is_known = is_reported && self.is_weighable(k, COMPARED);
+            let Assessed { linkage, contradictions, seen_ns, settled_ns, fault, .. } =
                 &mut self.mechanisms[k];
             let mut is_beyond = false;
-            if is_compared && linkage.factorise(&self.pose) {
+            if is_external && !is_known {
+                // the observer begins at none
+                linkage.independents.iter().for_each(|(v, _)| self.observer[3 * v] = 0.0);
+            } else if is_known && is_following && linkage.factorise(&self.pose) {
                 let efforts = &self.efforts;
                 let limits = &self.limits;
                 let gravity = &self.gravity;
-                let part = self.rules.effort;
                 let asked = &mut self.asked;
                 linkage.efforts(&self.pose, asked);
-                let reported = |u: usize| efforts[u].rate;
+                let reported = |u: usize| if is_external { 0.0 } else { efforts[u].rate };
                 linkage.efforts_beside(&self.pose, reported, |u, deviation| {
-                    let moving = asked[u] - gravity[u];
+                    let moving = if is_external { 0.0 } else { asked[u] - gravity[u] };
                     is_beyond |= deviation.abs() > part * limits[u].effort + MOTION * moving.abs();
                 });
             }
             let is_settled = *seen_ns >= *settled_ns;
+            let contradiction = &mut contradictions[usize::from(is_external)];
             if is_settled && contradiction.update(*seen_ns, is_beyond) && *fault == Reason::None {
-                *fault = Reason::ModelEffort;
+                *fault = reason;
             }
+        }
+    }
+
+    /// A step of the observer of external forces, `h` seconds after the last one. Motion and
+    /// efforts went through the same filter once, so that they are of one time.
+    pub(super) fn observe(&mut self, h: f64) {
+        let RobotModel { evaluator, pose, yd, asked, efforts, observer, .. } = self;
+        asked.iter_mut().zip(efforts).for_each(|(asked, effort)| *asked = effort.value);
+        let given = [(Field::Dt, &[h][..]), (Field::Yd, yd), (Field::TauU, asked)];
+        if evaluator.observe(pose, given, observer) {
+            self.compare_efforts(Reason::ExternalForce);
         }
     }
 

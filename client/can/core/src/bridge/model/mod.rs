@@ -76,6 +76,8 @@ pub(super) struct RobotModel {
     efforts: Vec<Filtered>,
     yd: Vec<f64>,
     ydd: Vec<f64>,
+    /// State of the observer of external forces (3 n_vy).
+    observer: Vec<f64>,
     /// Efforts against gravity (n_u).
     gravity: Vec<f64>,
     /// Whether the pose of each mechanism is known.
@@ -90,7 +92,8 @@ pub(super) struct RobotModel {
 impl RobotModel {
     /// The model of a configuration that has one. Allocates; nothing after it does.
     pub(super) fn new(configuration: &Configuration) -> Option<RobotModel> {
-        let mut evaluator = Evaluator::new(configuration.model.clone()?)?;
+        let mut evaluator =
+            Evaluator::new(configuration.model.clone()?, configuration.model_rules.external > 0.0)?;
         let mut zero = evaluator.zero()?;
         let n_vy = evaluator.model.sizes().n_vy;
         let n_u = evaluator.model.sizes().n_u;
@@ -127,6 +130,7 @@ impl RobotModel {
             efforts: vec![Filtered::default(); n_u],
             yd: vec![0.0; n_vy],
             ydd: vec![0.0; n_vy],
+            observer: vec![0.0; 3 * n_vy],
             gravity: vec![0.0; n_u],
             known: vec![false; configuration.n_mechanisms()],
             rates: vec![0.0; n_vy],
@@ -205,7 +209,7 @@ impl RobotModel {
 state!(Measured { position, velocity, effort, measured_ns, setpoint });
 state!(RobotModel {
     mechanisms, encoders, measured, u, target, pose, commanded, y_before, motion, efforts, yd, ydd,
-    gravity, known, cycle, last_ns;
+    observer, gravity, known, cycle, last_ns;
     rules, evaluator, owners, coupled, limits, braking, feedback_ns, home, rates, asked
 });
 

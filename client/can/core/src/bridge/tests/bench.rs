@@ -254,7 +254,7 @@ impl Bench {
             source: None,
             fingerprint: 7,
             model: None,
-            model_rules: crate::config::ModelRules { effort: 0.0, clearance: 0.0 },
+            model_rules: crate::config::ModelRules { effort: 0.0, external: 0.0, clearance: 0.0 },
             actuators: ["a", "b", "c"].map(String::from).to_vec(),
             mechanisms: vec![0, 0, 1],
             rate_hz: 1000.0,
