@@ -199,6 +199,13 @@ fn examples_of_the_package_run() {
 }
 
 #[test]
+fn cells_of_the_notebook_of_a_hand_run_without_jupyter() {
+    let path = package("examples").join("hand.ipynb");
+    let output = run(script("cells.py", &[path.to_str().unwrap()]), "");
+    assert!(output.ends_with("5 cells\n"), "{output}");
+}
+
+#[test]
 fn notebooks_of_the_package_run_and_show_tables_and_pictures() {
     if !environment().has_optional_packages() {
         return;

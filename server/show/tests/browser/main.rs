@@ -264,7 +264,8 @@ fn a_dragged_hand_moves_y_by_answers_inside_the_limits() {
         const outer = set;
         set = (...of) => {
             const found = outer(...of);
-            seen.push([found.status, found.exceeded.length, distance(at(), found.worlds[hand.link])]);
+            const off = distance(at(), found.worlds[hand.link]);
+            seen.push([found.status, found.exceeded.length, off]);
             return found;
         };
         const at = () => view.worlds[hand.link].slice(0, 3);
