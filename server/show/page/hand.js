@@ -191,5 +191,9 @@ function makeHand() {
 function showHand() {
   if (hand.link < 0 || !now.answer) return;
   const p = now.answer.worlds[hand.link];
-  ["x", "y", "z"].forEach((axis, k) => (element(`hand_${axis}`).value = text(p[k])));
+  ["x", "y", "z"].forEach((axis, k) => {
+    const field = element(`hand_${axis}`);
+    // a swing does not write into a field in which somebody writes
+    if (swinging === null || document.activeElement !== field) field.value = text(p[k]);
+  });
 }
