@@ -12,12 +12,13 @@ use sarrus_dynamics::{Field, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;
 
-const EXAMPLES: [&str; 7] = [
+const EXAMPLES: [&str; 8] = [
     "inverse_dynamics",
     "forward_dynamics",
     "jacobian",
     "own_robot",
     "loop_1khz",
+    "hand",
     "simulation",
     "speed",
 ];
@@ -71,8 +72,12 @@ impl Server {
     }
 
     pub(crate) fn start_with(name: &str, flags: &[&str]) -> Server {
+        Server::of("lambda", name, flags)
+    }
+
+    pub(crate) fn of(robot: &str, name: &str, flags: &[&str]) -> Server {
         let mut command = Command::new(folder().join("sarrus"));
-        command.args(["serve", "--robot", "lambda", "--name", name]).args(flags);
+        command.args(["serve", "--robot", robot, "--name", name]).args(flags);
         command.env("SARRUS_ROOT", root());
         command.stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
@@ -161,6 +166,46 @@ fn the_loop_of_1_khz_counts_its_cycles() {
     let _server = Server::start("loop");
     let output = run("loop_1khz", &["loop", "0.3"]);
     assert!(output.starts_with("300 cycles, "), "{output}");
+}
+
+/// The hand's farthest distance from its target, and the last forces, of the example in each
+/// language; they move it alike.
+pub(crate) fn hand_of(server: &str) -> [Vec<f64>; 2] {
+    hand_in(&run("hand", &[server, HAND, "1"]))
+}
+
+pub(crate) const HAND: &str = "ALWristRoll_Link";
+
+pub(crate) fn hand_in(output: &str) -> [Vec<f64>; 2] {
+    assert!(output.starts_with("1000 cycles, "), "{output}");
+    [numbers(output, "farthest from its target"), numbers(output, "tau_u")]
+}
+
+/// Whether another language moves the hand as Rust does: its sines and sums round otherwise.
+pub(crate) fn assert_alike(found: &str, [distance, tau_u]: &[Vec<f64>; 2]) {
+    let [other, forces] = hand_in(found);
+    assert!((other[0] - distance[0]).abs() < 1e-9, "{found}");
+    assert_eq!(forces.len(), tau_u.len());
+    let size = tau_u.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+    for (found, expected) in forces.iter().zip(tau_u) {
+        assert!((found - expected).abs() < 1e-6 * size, "{forces:?} {tau_u:?}");
+    }
+}
+
+#[test]
+fn the_hand_stays_near_its_target_by_forces_within_limits() {
+    let _server = Server::of("rh5v2_upper_body", "hand", &[]);
+    let [farthest, tau_u] = hand_of("hand");
+    // of 100 mm
+    assert!(farthest[0] > 1e-9 && farthest[0] < 1e-4, "{farthest:?}");
+    let loaded = load(&Source::Bundled("rh5v2_upper_body".into()), &Options::default()).unwrap();
+    let info = loaded.compiled.model.info();
+    assert_eq!(tau_u.len(), info.active.len());
+    for (name, tau) in info.active.iter().zip(tau_u) {
+        let row = info.tree.iter().position(|of| of == name).unwrap();
+        let most = info.limits[row].and_then(|of| of.effort).unwrap();
+        assert!(tau.abs() <= most * (1.0 + 1e-12), "{name}: {tau} of {most}");
+    }
 }
 
 #[test]

@@ -183,11 +183,26 @@ fn examples_of_the_package_run() {
             if path.ends_with("speed.py") {
                 command.arg("--rust").arg(examples::folder().join("examples/speed"));
             }
+            if path.ends_with("hand.py") {
+                let _server = examples::Server::of("rh5v2_upper_body", "python-hand", &[]);
+                command.args(["python-hand", examples::HAND, "1"]);
+                let expected = examples::hand_of("python-hand");
+                examples::assert_alike(&run(command, ""), &expected);
+                count += 1;
+                continue;
+            }
             run(command, "");
             count += 1;
         }
     }
     assert!(count > 0);
+}
+
+#[test]
+fn cells_of_the_notebook_of_a_hand_run_without_jupyter() {
+    let path = package("examples").join("hand.ipynb");
+    let output = run(script("cells.py", &[path.to_str().unwrap()]), "");
+    assert!(output.ends_with("5 cells\n"), "{output}");
 }
 
 #[test]

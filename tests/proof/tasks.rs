@@ -409,6 +409,45 @@ fn all_solutions_of_an_elbow_are_found() {
 }
 
 #[test]
+fn all_eight_solutions_of_an_arm_with_a_spherical_wrist_are_found() {
+    let mut robot = DescriptionBuilder::new("arm");
+    let bob = Inertial::point(1.0, [0.1, 0.0, 0.0]);
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut last = LinkId::BASE;
+    for (name, axis, origin) in [
+        ("a", z, [0.0; 3]),
+        ("b", y, [0.0, 0.0, 0.4]),
+        ("c", y, [0.5, 0.0, 0.0]),
+        ("d", x, [0.45, 0.0, 0.0]),
+        ("e", y, [0.0; 3]),
+        ("f", x, [0.0; 3]),
+    ] {
+        let joint = robot.revolute(name, last, axis).origin(origin).limits(-3.14, 3.14);
+        last = joint.inertial(bob).link();
+    }
+    robot.fixed("g", last).origin([0.1, 0.0, 0.0]).link_name("tip");
+    let model = robot.compile().unwrap().model;
+    let mut searching = Searching::new(&model, &[("tip", POSE)]);
+    for y in [[0.5, -0.4, 1.1, 0.7, 0.6, -0.9], [-1.2, 0.3, -0.8, -1.0, 1.0, 0.4]] {
+        let pose = searching.at(&y, &[]).ok().get(FramePose).to_vec();
+        let x = searching.ask_for(&target(&pose), &[], &[Y, Solutions]).ok();
+        let all: Vec<Vec<f64>> =
+            x.get(Solutions).chunks(6).filter(|y| !y[0].is_nan()).map(<[f64]>::to_vec).collect();
+        // left and right, elbow above and below, wrist turned or not; no two alike
+        assert_eq!(all.len(), 8, "{all:?}");
+        let apart = |a: &[f64], b: &[f64]| largest(&minus(a, b));
+        for (k, one) in all.iter().enumerate() {
+            let there = searching.at(one, &[]).ok();
+            let there = there.get(FramePose);
+            let turned = there[3..].iter().zip(&pose[3..]).map(|(a, b)| a * b).sum::<f64>().abs();
+            assert!(apart(&there[..3], &pose[..3]) < 1e-9 && 1.0 - turned < 1e-15, "{one:?}");
+            assert!(all[..k].iter().all(|other| apart(one, other) > 0.1), "{all:?}");
+        }
+        assert!(all.iter().any(|one| apart(one, &y) < 1e-8), "{all:?}");
+    }
+}
+
+#[test]
 fn a_search_allocates_nothing_repeats_its_bits_and_ends_its_turn() {
     let case = Case::bundled("rh5v2_upper_body");
     let model = &case.compiled.model;

@@ -265,6 +265,7 @@ function show(asked, of) {
   }
   element("command").textContent =
     `echo '${JSON.stringify(line)}' | sarrus ask inverse-dynamics ${robot.flags}`;
+  showHand();
   view.draw();
 }
 
@@ -335,6 +336,7 @@ function stop() {
   makeSliders();
   makeMotors();
   makeForces();
+  makeHand();
   set(y);
   element("by").addEventListener("change", (event) => {
     stop();

@@ -52,6 +52,8 @@ const shapes = robot.visuals.map((of) => {
 
 const view = {
   yaw: -0.9, pitch: 0.35, distance: 3, target: [0, 0, 0], size: 1, worlds: null,
+  // the link of the ball that is dragged, none below zero
+  hand: -1,
   shown: { axes: true, cuts: true, boxes: robot.visuals.length === 0, shapes: true },
 };
 
@@ -134,6 +136,7 @@ function colours() {
   return {
     rod: of("--rod"), slide: of("--slide"), axis: of("--axis"), cut: of("--cut"), box: of("--box"),
     grid: of("--grid"), force: of("--force"), shape: of("--shape"), moment: of("--moment"),
+    hand: of("--mark"),
   };
 }
 
@@ -177,14 +180,14 @@ function lines(canvas) {
     arrows().forEach((ends, k) => {
       if (ends) draw(...ends, k === 0 ? colour.force : colour.moment, 5);
     });
-    if (shown.cuts) {
-      for (const [k, p] of marks) {
-        context.fillStyle = colour.cut;
-        context.beginPath();
-        context.arc(...pixel(placed(worlds[k], p), width, height), 5, 0, 7);
-        context.fill();
-      }
-    }
+    const point = (p, style, radius) => {
+      context.fillStyle = style;
+      context.beginPath();
+      context.arc(...pixel(p, width, height), radius, 0, 7);
+      context.fill();
+    };
+    if (shown.cuts) for (const [k, p] of marks) point(placed(worlds[k], p), colour.cut, 5);
+    if (view.hand >= 0) point(worlds[view.hand].slice(0, 3), colour.hand, 8);
   };
 }
 
@@ -241,6 +244,9 @@ function solids(canvas) {
   const ball = new THREE.SphereGeometry(0.014 * view.size, 20, 12);
   const cutOf = material(colour.cut);
   const cuts = marks.map(() => solid(ball, cutOf));
+  const handOf = material(colour.hand);
+  const held = solid(ball, handOf);
+  held.scale.setScalar(1.6);
   const boxOf = material(colour.box, 0.3);
   const lineOf = new THREE.LineBasicMaterial({ color: colour.box });
   const cube = new THREE.BoxGeometry(2, 2, 2);
@@ -269,7 +275,7 @@ function solids(canvas) {
     const now = colours();
     for (const [name, list] of [["rod", [of.rod]], ["slide", [of.slide]], ["axis", [axisOf]],
       ["cut", [cutOf]], ["box", [boxOf, lineOf]], ["force", [forceOf]],
-      ["moment", [momentOf]], ["shape", [shapeOf]], ["grid", [of.grid].concat(grid.material)]]) {
+      ["moment", [momentOf]], ["hand", [handOf]], ["shape", [shapeOf]], ["grid", [of.grid].concat(grid.material)]]) {
       list.forEach((each) => each.color.set(now[name]));
     }
     grid.geometry.deleteAttribute("color");
@@ -303,6 +309,8 @@ function solids(canvas) {
         if (ends) lay(pulls[k], ...ends, 1.3 * radius);
         pulls[k].visible = ends !== null;
       });
+      held.visible = view.hand >= 0;
+      if (held.visible) held.position.set(...worlds[view.hand].slice(0, 3));
       shapes.forEach(([k, at], i) => {
         const world = times(worlds[k], at);
         drawn[i].position.set(...world.slice(0, 3));
@@ -332,6 +340,8 @@ function solids(canvas) {
 // turns, moves and magnifies by pointers, wheel and keys
 function steer(canvas) {
   const pointers = new Map();
+  // the pointer that drags the hand
+  let holding = null;
   const turn = (x, y) => {
     view.yaw -= 0.008 * x;
     view.pitch = Math.max(-1.5, Math.min(1.5, view.pitch + 0.008 * y));
@@ -348,13 +358,17 @@ function steer(canvas) {
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    const near = event.pointerType === "touch" ? 28 : 14;
+    if (view.grab?.([event.offsetX, event.offsetY], near)) holding = event.pointerId;
   });
   canvas.addEventListener("pointermove", (event) => {
     const old = pointers.get(event.pointerId);
     if (!old) return;
     const now = [event.clientX, event.clientY];
     const [x, y] = [now[0] - old[0], now[1] - old[1]];
-    if (pointers.size === 2) {
+    if (event.pointerId === holding) {
+      view.drag(x, y);
+    } else if (pointers.size === 2) {
       const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
       const length = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]);
       zoom(length(old) / Math.max(1, length(now)));
@@ -367,7 +381,10 @@ function steer(canvas) {
     pointers.set(event.pointerId, now);
     view.draw();
   });
-  const away = (event) => pointers.delete(event.pointerId);
+  const away = (event) => {
+    pointers.delete(event.pointerId);
+    if (event.pointerId === holding) holding = null;
+  };
   canvas.addEventListener("pointerup", away);
   canvas.addEventListener("pointercancel", away);
   canvas.addEventListener("wheel", (event) => {

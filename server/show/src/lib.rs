@@ -96,7 +96,8 @@ impl Settings {
 pub fn page(loaded: &Loaded, settings: &Settings) -> Result<String, ShowError> {
     let code = traced(|| code::code(loaded))?;
     let robot = scene::scene(loaded, settings, &code);
-    let parts = [&code.text, include_str!("../page/motion.js"), include_str!("../page/panel.js")];
+    let motion = concat!(include_str!("../page/motion.js"), include_str!("../page/hand.js"));
+    let parts = [&code.text, motion, include_str!("../page/panel.js")];
     Ok(assembled(include_str!("../page/page.html"), loaded, settings, robot, parts))
 }
 

@@ -9,6 +9,8 @@ pub(crate) mod check;
 #[cfg(feature = "report")]
 pub(crate) mod compare;
 pub(crate) mod completions;
+#[cfg(feature = "simulate")]
+mod curves;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 #[cfg(feature = "report")]

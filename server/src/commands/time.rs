@@ -5,10 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, TaskParts, Workspace};
+use sarrus_models::Loaded;
 use sarrus_report::csv_rows::{self, LineEnd};
 use sarrus_report::measure::progress::Progress;
+use sarrus_show::{Motion, POINTS, Settings, motion, sparse};
 use sarrus_simulation::{Stop, Timed, time_path};
 
+use super::curves::{charts, command_line};
 use super::output::{Failure, Outcome, Results};
 use super::robot::RobotFlags;
 use super::table::table;
@@ -29,6 +32,9 @@ pub(crate) struct Time {
     /// y and ẏ of both, which keeps the limits to 0.1 %.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// The page to write: the robot in motion beside curves of y, ẏ, u and τ_u with their limits.
+    #[arg(long, value_name = "PAGE")]
+    show: Option<PathBuf>,
 }
 
 impl Time {
@@ -54,18 +60,63 @@ impl Time {
         let timed = timed.map_err(Failure::start)?.map_err(|stop| {
             Failure::finding(format!("{}: {}", self.path.display(), words(&stop, &lines)))
         })?;
-        let text = csv(model, &timed)?;
-        let Some(path) = self.out else { return Ok(Results { text, code: 0 }) };
-        let failed = |error| Failure::start(format!("cannot write {}: {error}", path.display()));
-        fs::write(&path, text).map_err(failed)?;
         let duration = timed.times.last().copied().unwrap_or_default();
-        let text = format!(
-            "{}: {duration:.6} s, {} rows, {:.1e} of a limit exceeded between them\n",
-            path.display(),
+        let about = format!(
+            "{duration:.6} s, {} rows, {:.1e} of a limit exceeded between them",
             timed.times.len(),
             timed.excess
         );
+        let write = |path: &PathBuf, file: String| {
+            let name = path.display();
+            let failed = |error| Failure::start(format!("cannot write {name}: {error}"));
+            fs::write(path, file).map_err(failed)?;
+            Ok::<String, Failure>(format!("{name}: {about}\n"))
+        };
+        let shown = match &self.show {
+            Some(path) => write(path, self.page(&loaded, &timed, &about)?)?,
+            None => String::new(),
+        };
+        let table = csv(model, &timed)?;
+        let text = match &self.out {
+            Some(path) => write(path, table)? + &shown,
+            None => table,
+        };
         Ok(Results { text, code: 0 })
+    }
+
+    /// The page of a motion.
+    fn page(&self, loaded: &Loaded, timed: &Timed, about: &str) -> Result<String, Failure> {
+        let model = &loaded.compiled.model;
+        let loops = FieldSet::of(if model.sizes().n_c > 0 { &[Field::SigmaMin] } else { &[] });
+        let want = loops.with(Field::Q).with(Field::U);
+        let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
+        let plan = Plan::new(model, &query).map_err(Failure::start)?;
+        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let places = sparse(timed.times.len(), POINTS);
+        let rows: Vec<_> = places.iter().filter_map(|k| timed.rows.get(*k)).collect();
+        let mut state = |[y, ..]: &&[Vec<f64>; 4]| {
+            let mut output = vec![0.0; plan.want().len()];
+            // without an answer the numbers are NaN
+            let _ = plan.run(model, &mut workspace, y, &mut output);
+            output
+        };
+        let states: Vec<Vec<f64>> = rows.iter().map(&mut state).collect();
+        let field = |field| -> Vec<Vec<f64>> {
+            let range = plan.want().slot(field).map(|slot| slot.range()).unwrap_or_default();
+            states.iter().map(|state| state[range.clone()].to_vec()).collect()
+        };
+        let of = |k: usize| rows.iter().map(|row| row[k].clone()).collect::<Vec<_>>();
+        let page = Motion {
+            samples: timed.times.len(),
+            times: places.iter().filter_map(|k| timed.times.get(*k).copied()).collect(),
+            q: field(Field::Q),
+            sigma_min: field(Field::SigmaMin).concat(),
+            charts: charts(loaded, [of(0), of(1), field(Field::U), of(3)]),
+            texts: vec![about.to_owned()],
+            command: command_line(),
+        };
+        let settings = Settings::new(&self.robot.source(), &self.robot.options(), false);
+        Ok(motion(loaded, &settings, &page))
     }
 
     /// Rows of y that have these poses, each from the one before.

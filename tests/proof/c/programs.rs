@@ -4,7 +4,7 @@ use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;
 
 use super::{C, CPP, Program, SANITIZERS, folder, present, with_sanitizers};
-use crate::examples::Server;
+use crate::examples::{HAND, Server, assert_alike, hand_of};
 use sarrus_dynamics::{Field, Request};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -71,6 +71,17 @@ fn the_example_in_c_has_the_bits_of_rust_in_process_and_connected() {
         let program = Program::compile(compiler, &path, SANITIZERS);
         assert_eq!(program.run(&["--connect", &server]), connected);
         assert_eq!(printed(&program.run(&["torso"])), expected("torso"));
+    }
+}
+
+#[test]
+fn the_hand_in_cpp_moves_as_that_in_rust() {
+    let path = folder().join("examples/hand_1khz.cpp");
+    let _server = Server::of("rh5v2_upper_body", "c-hand", &[]);
+    let expected = hand_of("c-hand");
+    for compiler in present(&CPP) {
+        let program = Program::compile(compiler, &path, &[]);
+        assert_alike(&program.run(&["c-hand", HAND, "1"]), &expected);
     }
 }
 

@@ -89,6 +89,69 @@ fn the_page_of_a_motion_has_forces_and_limits_and_stands_in_a_folder_of_its_own(
     assert!(page.len() < 3_000_000);
 }
 
+/// Numbers of single precision from base64, as a page has them.
+fn floats(text: &str) -> Vec<f32> {
+    let alphabet = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']);
+    let alphabet: Vec<char> = alphabet.collect();
+    let letters = text.chars().filter_map(|c| alphabet.iter().position(|of| *of == c));
+    let bits: Vec<bool> =
+        letters.flat_map(|x| (0..6).rev().map(move |k| x >> k & 1 == 1)).collect();
+    let byte = |bits: &[bool]| bits.iter().fold(0, |byte: u8, bit| byte << 1 | u8::from(*bit));
+    let bytes: Vec<u8> = bits.chunks_exact(8).map(byte).collect();
+    bytes.chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect()
+}
+
+#[test]
+fn the_page_of_a_path_in_time_has_the_curves_of_its_table_with_limits() {
+    let home = Folder::new("time-page");
+    std::fs::write(home.0.join("path.csv"), "Elbow\n0\n0.3\n-0.2\n").unwrap();
+    let of = |flags: &[&str]| {
+        let mut command = Command::new(sarrus());
+        command.args(["time", "path.csv", "--robot", "lambda", "--show", "path.html"]).args(flags);
+        let run = Run::of(command.current_dir(&home.0), b"");
+        assert_eq!(run.code, Some(0), "{}", run.err);
+        run.out
+    };
+    // on stdout the table stands alone
+    let table = of(&[]);
+    let said = of(&["--out", "motion.csv"]);
+    assert_eq!(std::fs::read_to_string(home.0.join("motion.csv")).unwrap(), table);
+    assert!(said.contains("motion.csv: ") && said.contains("path.html: "), "{said}");
+    let rows: Vec<Vec<f64>> = table
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+        .collect();
+    let page = std::fs::read_to_string(home.0.join("path.html")).unwrap();
+    let robot = page.split_once("const robot = ").unwrap().1.split_once(";</script>").unwrap().0;
+    let robot: Value = serde_json::from_str(robot).unwrap();
+    let run = &robot["run"];
+    assert_eq!(run["samples"], rows.len());
+    assert!(run["command"].as_str().unwrap().starts_with("sarrus time path.csv"), "{run}");
+    assert_eq!(run["sigma_min"].as_array().unwrap().len(), rows.len());
+    // y, ẏ and τ_u are the columns 1, 2 and 4; u is not in the table
+    let charts = run["charts"].as_array().unwrap();
+    for (chart, (title, column, limits)) in charts.iter().zip([
+        ("y, rad", Some(1), [-1.5, 1.5]),
+        ("ẏ, rad/s", Some(2), [-10.0, 10.0]),
+        ("u, m", None, [-0.1, 0.1]),
+        ("τ_u of this motion, N", Some(4), [-1000.0, 1000.0]),
+    ]) {
+        let curve = &chart["curves"][0];
+        assert_eq!(chart["title"], title);
+        assert_eq!([&curve["lower"], &curve["upper"]].map(|x| x.as_f64().unwrap()), limits);
+        let found = floats(curve["values"].as_str().unwrap());
+        assert_eq!(found.len(), rows.len(), "{title}");
+        if let Some(column) = column {
+            let expected: Vec<f32> = rows.iter().map(|row| row[column] as f32).collect();
+            assert_eq!(found, expected, "{title}");
+        }
+    }
+    assert_eq!(charts.len(), 4);
+    // poses of both ends, with which the page compares its own
+    assert_eq!(run["checks"].as_array().unwrap().len(), 2);
+}
+
 #[test]
 fn joints_that_are_held_are_no_columns_of_the_motion() {
     let run = simulate(

@@ -1,6 +1,7 @@
 //! The page in headless Chromium: a slider moves the robot, the numbers are the plan's.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod hand;
 mod lengths;
 
 use std::path::PathBuf;

@@ -1,12 +1,12 @@
 //! The page of a simulation: the curves beside the robot.
 
-use sarrus_dynamics::description::JointKind;
-use sarrus_dynamics::{Field, FieldSet, JointLimits, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_models::Loaded;
 use sarrus_show::{Chart, Curve, Motion, POINTS, Settings, motion, sparse};
 use sarrus_simulation::{Sample, Setup};
 
 use super::output::Report;
+use crate::commands::curves::{self, command_line};
 
 /// Most rows of λ that are drawn.
 const ROWS: usize = 24;
@@ -24,11 +24,6 @@ pub(super) fn page(report: &Report<'_>, setup: &Setup<'_>, settings: &Settings) 
     if !setup.springs.is_empty() {
         texts.push("loop and motor forces are not drawn beside springs between links".to_owned());
     }
-    let quoted = |word: String| {
-        let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:".contains(c);
-        if word.chars().all(is_plain) { word } else { format!("'{word}'") }
-    };
-    let words = std::env::args().skip(1).map(quoted).collect::<Vec<_>>().join(" ");
     let page = Motion {
         samples: run.samples.len(),
         times: samples.iter().map(|sample| sample.time).collect(),
@@ -36,7 +31,7 @@ pub(super) fn page(report: &Report<'_>, setup: &Setup<'_>, settings: &Settings) 
         sigma_min: states.rows(Field::SigmaMin).concat(),
         charts: charts(loaded, &samples, &states),
         texts,
-        command: format!("sarrus {words}"),
+        command: command_line(),
     };
     motion(loaded, settings, &page)
 }
@@ -113,50 +108,13 @@ impl States {
 
 /// Positions and velocities of the independents, motors, loops, energies, residual.
 fn charts(loaded: &Loaded, samples: &[&Sample], states: &States) -> Vec<Chart> {
-    let info = loaded.compiled.model.info();
-    let slides = |name: &str| {
-        let joint = name.split('/').next();
-        let of = |joint: &&sarrus_dynamics::description::Joint| joint.kind == JointKind::Prismatic;
-        let part = name.split_once('/').map_or("", |(_, part)| part);
-        let found = loaded.description.joints.iter().find(|of| Some(of.name.as_str()) == joint);
-        found.as_ref().is_some_and(of) || part.starts_with(['t', 'x', 'y', 'z'])
-    };
-    let limits = |name: &str| {
-        let row = info.tree.iter().position(|other| other == name);
-        row.and_then(|row| *info.limits.get(row)?)
-    };
-    let mut charts = Vec::new();
-    // one chart for each unit
-    let mut add =
-        |symbol: &str, units: [&str; 2], names: &[String], rows: &[Vec<f64>], of: Limit| {
-            for (unit, is_slide) in units.into_iter().zip([false, true]) {
-                let curve = |(k, name): (usize, &String)| {
-                    let values = rows.iter().map(|row| row.get(k).copied().unwrap_or(f64::NAN));
-                    let limits = limits(name).map_or([None; 2], of);
-                    Curve { name: name.clone(), values: values.collect(), limits }
-                };
-                let names = names.iter().enumerate().filter(|(_, name)| slides(name) == is_slide);
-                let curves: Vec<Curve> = names.map(curve).collect();
-                if !curves.is_empty() && !rows.is_empty() {
-                    charts.push(Chart { title: format!("{symbol}, {unit}"), log: false, curves });
-                }
-            }
-        };
     let list = |of: fn(&Sample) -> &Vec<f64>| -> Vec<Vec<f64>> {
         samples.iter().map(|sample| of(sample).clone()).collect()
     };
-    add("y", ["rad", "m"], &info.independent_q, &list(|x| &x.y), |x| [x.lower, x.upper]);
-    add("ẏ", ["rad/s", "m/s"], &info.independent, &list(|x| &x.yd), |x| {
-        [x.velocity.map(|most| -most), x.velocity]
-    });
-    if info.active != info.independent {
-        add("u", ["rad", "m"], &info.active, &states.rows(Field::U), |x| [x.lower, x.upper]);
-    }
-    let tau_u = states.rows(Field::TauU);
-    add("τ_u of this motion", ["N m", "N"], &info.active, &tau_u, |x| {
-        [x.effort.map(|most| -most), x.effort]
-    });
-    charts.extend(loop_forces(&info.loops, &states.rows(Field::Lambda)));
+    let [u, tau_u] = [Field::U, Field::TauU].map(|field| states.rows(field));
+    let mut charts = curves::charts(loaded, [list(|x| &x.y), list(|x| &x.yd), u, tau_u]);
+    let loops = &loaded.compiled.model.info().loops;
+    charts.extend(loop_forces(loops, &states.rows(Field::Lambda)));
     let curve = |name: &str, of: &dyn Fn(&Sample) -> f64| Curve {
         name: name.to_owned(),
         values: samples.iter().map(|sample| of(sample)).collect(),
@@ -176,9 +134,6 @@ fn charts(loaded: &Loaded, samples: &[&Sample], states: &States) -> Vec<Chart> {
     charts.push(Chart { title: "What should be zero".to_owned(), log: true, curves: errors });
     charts
 }
-
-/// The limits of a curve from those of its joint.
-type Limit = fn(JointLimits) -> [Option<f64>; 2];
 
 /// λ, of many rows those that become largest.
 fn loop_forces(names: &[String], rows: &[Vec<f64>]) -> Option<Chart> {

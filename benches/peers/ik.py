@@ -1,0 +1,477 @@
+"""Inverse kinematics beside pink, mink and placo, on the same targets with the same limits.
+
+    pip install ./client/python pin-pink mink placo daqp
+    cargo build --release -p sarrus-server
+    python benches/peers/ik.py --sarrus target/release/sarrus [--targets 10000] [--peers 10000]
+
+Each target is the pose of the hands at a random state that keeps all limits, and each search starts
+at the same pose. It succeeds where its last state has the hands within 1e-6 of their targets [m and
+rad], the loops closed to 1e-6 m, and every joint and motor inside its limits to 1e-6, by Pinocchio
+on the exported robot for all. sarrus alone is also counted at its own bound of 1e-9. The peers get
+the loops as their pages say: as equality constraints (pink, mink), as hard tasks (placo), the
+motors' strokes as limits of joints, a full step for each iteration, and at most 100 of them; they
+stop at 1e-7. Times are those of the searches alone, called from Python, one thread. A peer whose
+wheel is missing is "not run".
+"""
+
+import argparse
+import importlib.metadata
+import os
+import pathlib
+import runpy
+import subprocess
+import tempfile
+import time
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np
+import sarrus
+
+STEPS, STOP, GOOD = 100, 1e-7, 1e-6
+
+# a leg as of a Unitree G1: two motors on the shank turn cranks, whose rods move the foot
+LEG_JOINTS = [
+    # name, parent, child, origin, axis, limits, effort
+    ("hip_pitch", "pelvis", "hip", (0, 0, 0), (0, 1, 0), (-2.5, 2.8), 88),
+    ("hip_roll", "hip", "thigh_side", (0, 0, -0.03), (1, 0, 0), (-0.5, 2.9), 139),
+    ("hip_yaw", "thigh_side", "thigh", (0, 0, -0.1), (0, 0, 1), (-2.7, 2.7), 88),
+    ("knee", "thigh", "shank", (0, 0, -0.2), (0, 1, 0), (-0.08, 2.8), 139),
+    ("ankle_pitch", "shank", "cross", (0, 0, -0.3), (0, 1, 0), (-0.87, 0.52), 50),
+    ("ankle_roll", "cross", "foot", (0, 0, 0), (1, 0, 0), (-0.26, 0.26), 50),
+]
+for side, sign, up in (("left", 1, 0.20), ("right", -1, 0.13)):
+    LEG_JOINTS += [
+        (
+            f"{side}_motor",
+            "shank",
+            f"{side}_crank",
+            (0, 0.035 * sign, up - 0.3),
+            (0, 1, 0),
+            (-0.9, 0.9),
+            50,
+        ),
+        (f"{side}_rod_a", f"{side}_crank", f"{side}_cross", (-0.05, 0, 0), (0, 1, 0), (-3, 3), 0),
+        (f"{side}_rod_b", f"{side}_cross", f"{side}_rod", (0, 0, 0), (1, 0, 0), (-3, 3), 0),
+    ]
+
+
+def leg(folder):
+    """Write the leg's files."""
+    links = dict.fromkeys([name for row in LEG_JOINTS for name in row[1:3]])
+    inertial = (
+        "<inertial><mass value='0.5'/><inertia ixx='1e-3' iyy='1e-3' izz='1e-3' ixy='0' ixz='0'"
+        " iyz='0'/></inertial>"
+    )
+    text = [f"<link name='{name}'>{inertial}</link>" for name in links]
+    for name, parent, child, origin, axis, (lower, upper), effort in LEG_JOINTS:
+        text.append(
+            f"<joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/>"
+            f"<origin xyz='{' '.join(map(str, origin))}'/><axis xyz='{' '.join(map(str, axis))}'/>"
+            f"<limit lower='{lower}' upper='{upper}' effort='{effort}' velocity='20'/></joint>"
+        )
+    urdf = folder / "leg.urdf"
+    urdf.write_text(f"<robot name='leg'>{''.join(text)}</robot>")
+    names = [row[0] for row in LEG_JOINTS]
+    ankle = names[4:]
+    cuts = "".join(
+        f"  - cut_joint: {side}_end\n    cut_joint_type: spherical\n"
+        f"    predecessor_body: {side}_rod\n    successor_body: foot\n"
+        f"    predecessor_placement: {{xyz: [0, 0, {-up}]}}\n"
+        f"    successor_placement: {{xyz: [-0.05, {0.035 * sign}, 0]}}\n"
+        for side, sign, up in (("left", 1, 0.20), ("right", -1, 0.13))
+    )
+    (folder / "leg.yml").write_text(
+        "submechanisms:\n"
+        f"- name: leg\n  type: 4R\n  jointnames: {names[:4]}\n  jointnames_active: {names[:4]}\n"
+        f"  jointnames_independent: {names[:4]}\n  jointnames_spanningtree: {names[:4]}\n"
+        f"- name: ankle\n  type: NUMERICAL\n  jointnames: {ankle}\n"
+        f"  jointnames_active: [left_motor, right_motor]\n"
+        f"  jointnames_independent: [ankle_pitch, ankle_roll]\n"
+        f"  jointnames_spanningtree: {ankle}\n  loop_constraints:\n{cuts}".replace("'", "")
+    )
+    return urdf
+
+
+# the bundled robot, its hands, and y at the start [rad, m], off the poses with straight limbs
+ROBOTS = {
+    "upper body": ("rh5v2_upper_body", ["ALWristRoll_Link"], 0.1),
+    "full robot": ("rh5v2_full", ["ALHandRoll_Link", "ARHandRoll_Link"], 0.1),
+    "Stewart": ("stewart", ["HipRotZ_Link"], 0.0),
+    "leg": (None, ["foot"], 0.1),
+}
+
+
+class Case:
+    """A robot, its files for the peers, and targets that it reaches."""
+
+    def __init__(self, name, program, folder, count):
+        self.name = name
+        bundled, self.hands, start = ROBOTS[name]
+        if bundled:
+            flags = ["--robot", bundled]
+            self.robot = sarrus.Robot.bundled(bundled)
+        else:
+            urdf = leg(folder)
+            flags = ["--urdf", str(urdf), "--submechanisms", str(urdf.with_suffix(".yml"))]
+            self.robot = sarrus.Robot.load(str(urdf), str(urdf.with_suffix(".yml")))
+        for to in ("pinocchio", "mjcf"):
+            command = [program, "export", *flags, "--to", to, "--out", str(folder / to)]
+            subprocess.run(command, check=False, capture_output=True)
+        self.mjcf = next((folder / "mjcf").glob("*.xml"))
+        script = next((folder / "pinocchio").glob("*.py"))
+        exported = runpy.run_path(str(script))
+        self.urdf, self.loops = self.with_ends(script.with_suffix(".urdf"), exported["CUTS"])
+        self.targets(count, start)
+
+    def with_ends(self, path, cuts):
+        """A URDF that has links at both ends of each loop, and their names."""
+        text, pairs = [], []
+        for name, _, *cut in cuts:
+            pair = [f"{name}/predecessor", f"{name}/successor"]
+            for end, link, pose in zip(pair, cut[::2], cut[1::2]):
+                place = " ".join(map(str, pose[:3]))
+                text.append(
+                    f'<link name="{end}"/><joint name="{end}/fixed" type="fixed">'
+                    f'<parent link="{link}"/><child link="{end}"/><origin xyz="{place}"/></joint>'
+                )
+            pairs.append(pair)
+        ends = path.with_name("ends.urdf")
+        ends.write_text(path.read_text().replace("</robot>", "".join(text) + "</robot>"))
+        return str(ends), pairs
+
+    def targets(self, count, start):
+        """Draw states within all limits, and the poses of the hands there."""
+        robot, random = self.robot, np.random.default_rng(36)
+        rows = [list(robot.joints).index(name) for name in robot.independents]
+        low, high = robot.limits["lower"][rows], robot.limits["upper"][rows]
+        low = np.where(np.isfinite(low), np.maximum(low, -3.0), -0.6)
+        high = np.where(np.isfinite(high), np.minimum(high, 3.0), 0.6)
+        look = robot.query("kinematics", ["y"], ["q", "u", "frame_pose"], frames=self.hands)
+        poses = np.zeros((0, len(self.hands), 7))
+        self.drawn = 0
+        while len(poses) < count:
+            y = random.uniform(low, high, (max(count, 1000), len(low)))
+            answer = look(y=y)
+            kept = (answer.status == sarrus.Status.ok) & (answer.warnings == 0)
+            self.drawn += len(y)
+            poses = np.concatenate((poses, answer.frame_pose[kept]))
+        self.poses = poses[:count]
+        self.start = np.clip(np.full(len(low), start), low, high)
+        state = look(y=self.start)
+        assert state.warnings == 0, "the start exceeds a limit"
+        self.q = dict(zip(robot.coordinates, state.q))
+
+
+class Ours:
+    """The search of this project."""
+
+    name = "sarrus"
+
+    def __init__(self, case):
+        self.case = case
+        self.tree = list(case.robot.coordinates)
+        self.exact = 0
+        # both parts of each frame: its place (1) and its axes (2)
+        want = ["q", "task_residual"]
+        parts = [1 + 2] * len(case.hands)
+        self.query = case.robot.query(
+            "ik", ["task_target", "y_guess"], want, frames=case.hands, tasks=parts
+        )
+        # the numbers of each target: a pose, an axis, a weight
+        self.rows = np.zeros((len(case.hands), 11))
+        self.rows[:, 9:] = 1.0
+
+    def search(self, poses):
+        begin = time.perf_counter()
+        self.rows[:, :7] = poses
+        answer = self.query(task_target=self.rows, y_guess=self.case.start, return_status=True)
+        spent = time.perf_counter() - begin
+        self.exact += answer.status == sarrus.Status.ok
+        return dict(zip(self.tree, answer.q)), spent
+
+
+class Pink:
+    """Pink: frame tasks, the loops as equality constraints."""
+
+    def __init__(self, case):
+        import pink
+        import pinocchio as pin
+
+        self.name = f"pink {pink.__version__}"
+        self.pink, self.pin = pink, pin
+        self.model = pin.buildModelFromUrdf(case.urdf)
+        self.data = self.model.createData()
+        self.q = np.zeros(self.model.nq)
+        put(self.model, case.q, self.q)
+        self.hands = [pink.tasks.FrameTask(hand, 1.0, 1.0, lm_damping=1e-3) for hand in case.hands]
+        self.loops = []
+        for first, second in case.loops:
+            loop = pink.tasks.RelativeFrameTask(second, first, 1.0, 0.0)
+            loop.set_target(pin.SE3.Identity())
+            self.loops.append(Point(loop))
+        self.limits = [pink.limits.ConfigurationLimit(self.model, config_limit_gain=1.0)]
+
+    def search(self, poses):
+        pink = self.pink
+        for hand, pose in zip(self.hands, poses):
+            hand.set_target(self.pin.XYZQUATToSE3(pose))
+        begin = time.perf_counter()
+        at = pink.Configuration(self.model, self.data, self.q)
+        for _ in range(STEPS):
+            off = [hand.compute_error(at) for hand in self.hands]
+            off += [loop.compute_error(at) for loop in self.loops]
+            if max(np.abs(error).max() for error in off) < STOP:
+                break
+            try:
+                v = pink.solve_ik(
+                    at,
+                    self.hands,
+                    1.0,
+                    solver="daqp",
+                    limits=self.limits,
+                    constraints=self.loops,
+                    safety_break=False,
+                )
+            except pink.exceptions.PinkError:
+                break
+            at.integrate_inplace(v, 1.0)
+        return got(self.model, at.q), time.perf_counter() - begin
+
+
+class Point:
+    """The three rows of a task of two frames that are about their places."""
+
+    def __init__(self, task):
+        self.task = task
+        self.gain = 1.0
+
+    def compute_error(self, at):
+        return self.task.compute_error(at)[:3]
+
+    def compute_jacobian(self, at):
+        return self.task.compute_jacobian(at)[:3]
+
+
+class Mink:
+    """Mink: frame tasks, the equalities of the MJCF as constraints."""
+
+    def __init__(self, case):
+        import mink
+        import mujoco
+
+        self.name = f"mink {importlib.metadata.version('mink')}"
+        self.mink, self.mujoco = mink, mujoco
+        self.model = mujoco.MjModel.from_xml_path(str(case.mjcf))
+        self.q = self.model.qpos0.copy()
+        names = [mujoco.mj_id2name(self.model, 3, j) for j in range(self.model.njnt)]
+        self.places = {name: self.model.jnt_qposadr[j] for j, name in enumerate(names)}
+        for name, x in case.q.items():
+            self.q[self.places[name]] = x
+        self.hands = [
+            mink.FrameTask(hand, "body", 1.0, 1.0, lm_damping=1e-3) for hand in case.hands
+        ]
+        self.loops = [mink.EqualityConstraintTask(self.model, 1.0, gain=1.0)]
+        self.limits = [mink.ConfigurationLimit(self.model, gain=1.0)]
+
+    def search(self, poses):
+        mink = self.mink
+        for hand, pose in zip(self.hands, poses):
+            quat = mink.SO3(np.array(pose[[6, 3, 4, 5]]))
+            hand.set_target(mink.SE3.from_rotation_and_translation(quat, pose[:3]))
+        begin = time.perf_counter()
+        at = mink.Configuration(self.model, self.q)
+        for _ in range(STEPS):
+            off = [hand.compute_error(at) for hand in self.hands]
+            off += [loop.compute_error(at) for loop in self.loops]
+            if max(np.abs(error).max() for error in off) < STOP:
+                break
+            try:
+                v = mink.solve_ik(
+                    at,
+                    self.hands,
+                    1.0,
+                    solver="daqp",
+                    limits=self.limits,
+                    constraints=self.loops,
+                    safety_break=False,
+                )
+            except mink.MinkError:
+                break
+            at.integrate_inplace(v, 1.0)
+        spent = time.perf_counter() - begin
+        return {name: at.q[place] for name, place in self.places.items()}, spent
+
+
+class Placo:
+    """PlaCo: frame tasks, the loops as hard tasks of relative places."""
+
+    def __init__(self, case):
+        import placo
+
+        self.name = f"placo {importlib.metadata.version('placo')}"
+        flags = placo.Flags.ignore_collisions
+        self.robot = placo.RobotWrapper(case.urdf, flags)
+        self.solver = placo.KinematicsSolver(self.robot)
+        self.solver.mask_fbase(True)
+        self.solver.enable_joint_limits(True)
+        self.names = list(self.robot.joint_names())
+        self.case = case
+        self.hands = []
+        for hand in case.hands:
+            task = self.solver.add_frame_task(hand, np.eye(4))
+            task.configure(hand, "soft", 1.0, 1.0)
+            self.hands.append(task)
+        self.loops = []
+        for k, pair in enumerate(case.loops):
+            task = self.solver.add_relative_position_task(*pair, np.zeros(3))
+            task.configure(f"loop{k}", "hard", 1.0)
+            self.loops.append(task)
+        self.solver.add_regularization_task(1e-6)
+        # a loop in a plane has no row across it
+        self.start()
+        for task in self.loops:
+            task.update()
+            task.mask.set_axises(
+                "".join(axis for axis, row in zip("xyz", task.A) if np.abs(row).max() > 1e-9)
+            )
+
+    def start(self):
+        for name in self.names:
+            self.robot.set_joint(name, self.case.q[name])
+        self.robot.update_kinematics()
+
+    def search(self, poses):
+        self.start()
+        for task, pose in zip(self.hands, poses):
+            task.T_world_frame = matrix(pose)
+        begin = time.perf_counter()
+        self.robot.update_kinematics()
+        for _ in range(STEPS):
+            try:
+                self.solver.solve(True)
+            except RuntimeError:
+                break
+            self.robot.update_kinematics()
+            off = [task.position().error_norm() for task in self.hands]
+            off += [task.orientation().error_norm() for task in self.hands]
+            off += [task.error_norm() for task in self.loops]
+            if max(off) < STOP:
+                break
+        spent = time.perf_counter() - begin
+        return {name: self.robot.get_joint(name) for name in self.names}, spent
+
+
+def matrix(pose):
+    x, y, z, w = pose[3:]
+    T = np.eye(4)
+    T[:3, 3] = pose[:3]
+    T[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return T
+
+
+def put(model, named, q):
+    """Write joints by name; one that turns without limits has its cosine and sine."""
+    for name, x in named.items():
+        joint = model.joints[model.getJointId(name)]
+        at = joint.idx_q
+        q[at : at + joint.nq] = [x] if joint.nq == 1 else [np.cos(x), np.sin(x)]
+
+
+def got(model, q):
+    """Read joints by name."""
+    named = {}
+    for name in list(model.names)[1:]:
+        joint = model.joints[model.getJointId(name)]
+        x = q[joint.idx_q : joint.idx_q + joint.nq]
+        named[name] = float(x[0] if joint.nq == 1 else np.arctan2(x[1], x[0]))
+    return named
+
+
+class Judge:
+    """The same look at the last state of every search."""
+
+    def __init__(self, case):
+        import pinocchio as pin
+
+        self.pin, self.case = pin, case
+        self.model = pin.buildModelFromUrdf(case.urdf)
+        self.data = self.model.createData()
+        self.q = pin.neutral(self.model)
+        frame = self.model.getFrameId
+        self.hands = [frame(hand) for hand in case.hands]
+        self.loops = [[frame(end) for end in pair] for pair in case.loops]
+        limits = case.robot.limits
+        self.limits = dict(zip(case.robot.joints, zip(limits["lower"], limits["upper"])))
+
+    def faults(self, named, poses):
+        """Whether hands are away, loops open, limits exceeded."""
+        pin = self.pin
+        put(self.model, named, self.q)
+        pin.framesForwardKinematics(self.model, self.data, self.q)
+        of = self.data.oMf
+        away = 0.0
+        for frame, pose in zip(self.hands, poses):
+            error = pin.log6(of[frame].actInv(pin.XYZQUATToSE3(pose))).vector
+            away = max(away, np.linalg.norm(error[:3]), np.linalg.norm(error[3:]))
+        gaps = [np.linalg.norm(of[a].translation - of[b].translation) for a, b in self.loops]
+        over = 0.0
+        for name, x in named.items():
+            lower, upper = self.limits[name]
+            over = max(over, lower - x, x - upper)
+        return not away <= GOOD, not max(gaps, default=0.0) <= GOOD, not over <= GOOD
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sarrus", default="target/release/sarrus")
+    parser.add_argument("--targets", type=int, default=10_000)
+    parser.add_argument("--peers", type=int, help="targets of the peers, the first ones")
+    parser.add_argument("--robots", default=",".join(ROBOTS))
+    arguments = parser.parse_args()
+    for package in ("pin-pink", "pin", "mink", "mujoco", "placo", "daqp", "numpy"):
+        try:
+            print(f"{package} {importlib.metadata.version(package)}", end="  ")
+        except importlib.metadata.PackageNotFoundError:
+            print(f"{package} not installed", end="  ")
+    print()
+    head = f"{'robot':12} {'solver':15} {'targets':>7} {'found':>6} {'away':>5} {'open':>5}"
+    head += f" {'limits':>7} {'median us':>10} {'mean us':>8} {'ratio':>7}"
+    for name in arguments.robots.split(","):
+        with tempfile.TemporaryDirectory() as folder:
+            case = Case(name, arguments.sarrus, pathlib.Path(folder), arguments.targets)
+            print(f"\nload {os.getloadavg()[0]:.1f}; {case.drawn} states drawn\n{head}")
+            judge, ours = Judge(case), None
+            for kind in (Ours, Pink, Mink, Placo):
+                try:
+                    solver = kind(case)
+                except ImportError as error:
+                    print(f"{name:12} {kind.__name__.lower()}: not run: {error}")
+                    continue
+                count = len(case.poses) if kind is Ours else arguments.peers or len(case.poses)
+                faults, times = [], []
+                for poses in case.poses[:count]:
+                    named, spent = solver.search(poses)
+                    faults.append(judge.faults(named, poses))
+                    times.append(spent)
+                faults = np.array(faults)
+                found = count - np.count_nonzero(faults.any(axis=1))
+                away, opened, over = faults.sum(axis=0)
+                times = 1e6 * np.array(times)
+                ours = ours or np.median(times)
+                print(
+                    f"{name:12} {solver.name:15} {count:7} {found:6} {away:5} {opened:5} {over:7}"
+                    f" {np.median(times):10.0f} {times.mean():8.0f} {np.median(times) / ours:7.1f}",
+                    flush=True,
+                )
+                if kind is Ours:
+                    print(f"{name:12} of these within 1e-9, status ok: {solver.exact}")
+
+
+if __name__ == "__main__":
+    main()
