@@ -1,8 +1,9 @@
 //! Actuators of model files: published motors, limits over speed, friction, stops, and simulations
 //! with them.
 
+use sarrus_dynamics::description::Friction;
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, QueryOptions, Request};
+use sarrus_dynamics::{Field, Model, QueryOptions, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_simulation::{
     EventKind, Input, Method, Settings, Setup, Source as Force, Space, Start, simulate,
@@ -72,6 +73,9 @@ fn numbers_of_an_actuator_come_before_those_of_its_model_and_of_the_urdf() {
     let model = loaded.compiled.model;
     assert_eq!(model.actuator_forces(0, 1.0), Some([-20.0, 8.0]));
     assert_eq!(model.actuator_forces(0, -4.0), Some([-4.0, 20.0]));
+    // at rest the axis has no direction
+    assert_eq!(model.actuator_forces(0, 0.0), Some([-8.0, 8.0]));
+    assert_eq!(model.actuator_forces(0, -0.0), Some([-8.0, 8.0]));
     let mut robot = Robot::new(model);
     let given: [(Field, &[f64]); 3] = [(Y, &[0.3]), (Yd, &[0.7]), (Ydd, &[-2.0])];
     let plain = robot.ask(Request::InverseDynamics, &given, &[TauU, CY]).ok();
@@ -86,6 +90,49 @@ fn numbers_of_an_actuator_come_before_those_of_its_model_and_of_the_urdf() {
     let given: [(Field, &[f64]); 3] = [(Y, &[0.3]), (Yd, &[0.7]), (TauU, rough.get(TauU))];
     let back = robot.ask_for(base, &given).ok();
     assert_close("ÿ with friction", back.get(Ydd), &[-2.0], 1.0, 1e-13);
+}
+
+#[test]
+fn derivatives_have_the_friction_of_serial_and_of_closed_joints() {
+    for name in ["torso", "lambda", "delta", "rh5v2_upper_body"] {
+        let loaded = load(&Source::Bundled(name.to_owned()), &Options::default()).unwrap();
+        let mut description = loaded.description;
+        for (j, joint) in description.joints.iter_mut().enumerate() {
+            let k = j as f64;
+            joint.terms.friction = Friction { coulomb: 1.0 + 0.1 * k, viscous: 0.3, speed: 0.5 };
+        }
+        let mut robot = Robot::new(Model::compile(&description).unwrap().model);
+        let n = robot.model.sizes().n_vy;
+        let wave = |at: f64| (0..n).map(|k| 0.1 * (at + k as f64).sin()).collect::<Vec<f64>>();
+        let (y, yd, last) = (wave(0.3), wave(1.7), wave(2.9));
+        for (request, given, of, fields) in [
+            (Request::InverseDynamics, Ydd, TauY, [DtauYDy, DtauYDyd]),
+            (Request::ForwardDynamics, TauY, Ydd, [DyddDy, DyddDyd]),
+        ] {
+            let mut ask = |y: &[f64], yd: &[f64], field: Field| {
+                let base = query(request, &[field]).with_options(QueryOptions::FRICTION);
+                let x = robot.ask_for(base, &[(Y, y), (Yd, yd), (given, &last)]).ok();
+                x.get(field).to_vec()
+            };
+            for (moved, field) in fields.into_iter().enumerate() {
+                let found = ask(&y, &yd, field);
+                let most = found.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
+                for j in 0..n {
+                    let h = 1e-5;
+                    let [after, before] = [h, -h].map(|h| {
+                        let mut state = [y.clone(), yd.clone()];
+                        state[moved][j] += h;
+                        ask(&state[0], &state[1], of)
+                    });
+                    for i in 0..n {
+                        let difference = (after[i] - before[i]) / (2.0 * h);
+                        let error = (found[i * n + j] - difference).abs() / most;
+                        assert!(error < 1e-6, "{name}, {field:?}, {i} by {j}: {error:e}");
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[test]

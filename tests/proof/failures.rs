@@ -363,6 +363,25 @@ fn actuators_that_cannot_tell_the_pose_do_not_pretend_to() {
 }
 
 #[test]
+fn the_nearest_y_off_the_straight_ways_is_nearer_than_their_last_pose() {
+    let loaded = load(&Source::Bundled("wrist".to_owned()), &Options::default()).unwrap();
+    let mut robot = Robot::new(loaded.compiled.model);
+    let base = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::of(&[NearestY]))
+        .with_options(QueryOptions::SEARCH);
+    let far = |from: &[f64], to: [f64; 2]| (from[0] - to[0]).hypot(from[1] - to[1]);
+    for target in [[1.0, 1.0], [1.2, 1.2], [2.0, 2.0], [2.0, -2.0], [3.0, 3.0]] {
+        let failed = robot.ask_for(base, &[(Y, &target)]);
+        assert_eq!(failed.answer.status, Status::Unreachable);
+        let nearest = failed.get(NearestY).to_vec();
+        let there = robot.ask(Request::Kinematics, &[(Y, &nearest)], &[Q]).answer;
+        assert_eq!(there.status, Status::Ok, "{target:?}: {nearest:?}");
+        // the straight way ends at 0.507
+        let last = [0.507 * target[0].signum(), 0.507 * target[1].signum()];
+        assert!(far(&nearest, target) < far(&last, target), "{target:?}: {nearest:?}");
+    }
+}
+
+#[test]
 fn a_failure_tells_how_open_the_loop_stayed_where_that_is_asked() {
     let case = lambda("NUMERICAL", 0.9, 0.3);
     let mut robot = Robot::new(case.compiled.model.clone());

@@ -112,7 +112,8 @@ mod tests {
     fn a_picture_has_the_joints_and_closed_loops_of_its_robot() {
         for (robot, _) in bundled() {
             let loaded = load(&Source::Bundled(robot.to_owned()), &Options::default()).unwrap();
-            let (of, model) = (&loaded.description, &loaded.compiled.model);
+            let of = &loaded.description;
+            let model = &loaded.compiled.model;
             let text = picture(of, model).unwrap();
             let loops = of.submechanisms.iter().flat_map(|part| &part.loops);
             assert_eq!(text.matches("<line").count(), of.joints.len() + 2 * loops.clone().count());

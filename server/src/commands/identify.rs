@@ -13,6 +13,9 @@ use super::table::table;
 
 /// Flags of `identify`.
 #[derive(Args)]
+#[command(
+    override_usage = "sarrus identify [OPTIONS] <LOG> <FILE.urdf|--robot <NAME>|--urdf <FILE>> [FILE.yml]"
+)]
 pub(crate) struct Identify {
     /// A table with the columns that `sarrus time` writes: t, independent joints by name, NAME/yd,
     /// NAME/ydd, ACTUATOR/tau_u. Without NAME/ydd rates come from cubics through the positions.

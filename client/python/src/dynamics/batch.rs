@@ -206,7 +206,8 @@ pub(super) fn run(
     let under_way = UnderWay::begin();
     let outcome = py.detach(|| {
         thread::scope(|scope| {
-            let (mut others, batch) = (Vec::new(), &batch);
+            let mut others = Vec::new();
+            let batch = &batch;
             for engine in &mut engines {
                 // a thread that cannot be started leaves its tiles to the others
                 let thread = thread::Builder::new().name("sarrus-batch".to_owned());

@@ -317,9 +317,6 @@ fn of_joint<T: Real>(
     for spring in own(&model.terms.springs, cluster, |spring| spring.v) {
         d.tau_y[0][diagonal(spring.v)] += spring.stiffness;
     }
-    for damper in own(&model.terms.dampers, cluster, |damper| damper.v) {
-        d.tau_y[1][diagonal(damper.v)] += damper.damping;
-    }
     for (v, slope) in slopes(model, cluster, rubbed) {
         d.tau_y[1][diagonal(v)] += slope;
     }
@@ -336,18 +333,19 @@ fn own<'a, X, T>(terms: &'a [X], cluster: &Cluster<T>, v: impl Fn(&X) -> usize) 
     &terms[first..terms.partition_point(|term| v(term) < end)]
 }
 
-/// Derivatives of the friction in a cluster's joints by their velocities, which are given where it
-/// counts: d + F (1 − tanh²(q̇ / v₀)) / v₀.
+/// Derivatives of a cluster's dampers by the velocities of their joints, and of friction, for which
+/// these are given where it counts: d + F (1 − tanh²(q̇ / v₀)) / v₀.
 fn slopes<'a, T: Real>(
     model: &'a Model<T>,
     cluster: &Cluster<T>,
     qd: Option<&'a [T]>,
 ) -> impl Iterator<Item = (usize, T)> + 'a {
-    let all = own(&model.terms.frictions, cluster, |friction| friction.v);
-    all.iter().filter_map(move |of| {
+    let dampers = own(&model.terms.dampers, cluster, |damper| damper.v).iter();
+    let frictions = own(&model.terms.frictions, cluster, |friction| friction.v).iter();
+    dampers.map(|of| (of.v, of.damping)).chain(frictions.filter_map(move |of| {
         let dry = (*qd?.get(of.v)? * of.per_speed).tanh();
         Some((of.v, (of.coulomb * of.per_speed).mul_add(T::ONE - dry * dry, of.viscous)))
-    })
+    }))
 }
 
 /// The block of joints that loops tie.
@@ -397,10 +395,6 @@ fn of_cluster<T: Real>(
     for spring in own(&model.terms.springs, cluster, |spring| spring.v) {
         let v = spring.v - cluster.v;
         add(v, v, (spring.stiffness, T::ZERO, T::ZERO));
-    }
-    for damper in own(&model.terms.dampers, cluster, |damper| damper.v) {
-        let v = damper.v - cluster.v;
-        add(v, v, (T::ZERO, damper.damping, T::ZERO));
     }
     for (v, slope) in slopes(model, cluster, rubbed) {
         let v = v - cluster.v;
