@@ -13,9 +13,7 @@ use super::table::table;
 
 /// Flags of `identify`.
 #[derive(Args)]
-#[command(
-    override_usage = "sarrus identify [OPTIONS] <LOG> <FILE.urdf|--robot <NAME>|--urdf <FILE>> [FILE.yml]"
-)]
+#[command(override_usage = "sarrus identify [OPTIONS] <LOG> <--robot <NAME>|FILE.urdf> [FILE]")]
 pub(crate) struct Identify {
     /// A table with the columns that `sarrus time` writes: t, independent joints by name, NAME/yd,
     /// NAME/ydd, ACTUATOR/tau_u. Without NAME/ydd rates come from cubics through the positions.

@@ -21,9 +21,7 @@ const POSE: [&str; 7] = ["px", "py", "pz", "qx", "qy", "qz", "qw"];
 
 /// Flags of `time`.
 #[derive(Args)]
-#[command(
-    override_usage = "sarrus time [OPTIONS] <PATH> <FILE.urdf|--robot <NAME>|--urdf <FILE>> [FILE.yml]"
-)]
+#[command(override_usage = "sarrus time [OPTIONS] <PATH> <--robot <NAME>|FILE.urdf> [FILE.yml]")]
 pub(crate) struct Time {
     /// A table: a first line with the names of the independent joints, or of poses as FRAME/px,
     /// FRAME/py, FRAME/pz, FRAME/qx to FRAME/qw, then a row for each place on the path.
