@@ -1,6 +1,8 @@
 //! Task space: inertia and forces of frames by the laws of J and M_y, and positions that reach
 //! targets, looked at again by kinematics.
 
+use std::f64::consts::PI;
+
 use sarrus_dynamics::description::Inertial;
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
@@ -422,7 +424,7 @@ fn all_eight_solutions_of_an_arm_with_a_spherical_wrist_are_found() {
         ("e", y, [0.0; 3]),
         ("f", x, [0.0; 3]),
     ] {
-        let joint = robot.revolute(name, last, axis).origin(origin).limits(-3.14, 3.14);
+        let joint = robot.revolute(name, last, axis).origin(origin).limits(-PI, PI);
         last = joint.inertial(bob).link();
     }
     robot.fixed("g", last).origin([0.1, 0.0, 0.0]).link_name("tip");

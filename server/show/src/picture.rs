@@ -21,11 +21,11 @@ pub fn picture(description: &Description, model: &Model) -> Option<String> {
     let mut lines = Vec::new();
     let mut cuts = Vec::new();
     let mut line = |from: usize, to: Point3<f64>, kind: &'static str| {
-        lines.push((on_page(&poses[from] * Point3::origin()), on_page(to), kind));
+        lines.push((on_page(poses[from] * Point3::origin()), on_page(to), kind));
     };
     for joint in &description.joints {
         let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "rod" };
-        line(joint.parent, &poses[joint.child] * Point3::origin(), kind);
+        line(joint.parent, poses[joint.child] * Point3::origin(), kind);
     }
     for of in description.submechanisms.iter().flat_map(|part| &part.loops) {
         let at = match &of.cut {
