@@ -1,7 +1,5 @@
 //! Results on stdout, reasons for their absence on stderr.
 
-use std::env;
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;
@@ -167,16 +165,17 @@ pub(crate) fn wait_for(stream: &impl AsFd, event: PollFlags) -> io::Result<()> {
     }
 }
 
-/// Writes a file.
+/// Writes a file, but never over one that the command reads.
+#[cfg(any(feature = "show", feature = "simulate", feature = "identify"))]
 pub(crate) fn write(path: &Path, text: impl AsRef<[u8]>) -> Result<(), Failure> {
     let whole = path.canonicalize().ok();
     // its own flag names it, as FILE or as --out=FILE; any other word is an input
-    let is_it = |word: &OsString| {
+    let is_it = |word: &std::ffi::OsString| {
         let word = word.to_string_lossy();
         let name = word.strip_prefix("--").and_then(|flag| flag.split_once('='));
         whole.is_some() && Path::new(name.map_or(&*word, |of| of.1)).canonicalize().ok() == whole
     };
-    if env::args_os().skip(1).filter(is_it).count() > 1 {
+    if std::env::args_os().skip(1).filter(is_it).count() > 1 {
         let words = "is read by this command too: write another file";
         return Err(Failure::start(format!("{} {words}", path.display())));
     }

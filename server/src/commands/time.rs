@@ -1,6 +1,5 @@
 //! `sarrus time`: the fastest motion along a path that the actuators can drive.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -12,7 +11,7 @@ use sarrus_show::{Motion, POINTS, Settings, motion, sparse};
 use sarrus_simulation::{Stop, Timed, time_path};
 
 use super::curves::{charts, command_line};
-use super::output::{Failure, Outcome, Results};
+use super::output::{self, Failure, Outcome, Results};
 use super::robot::RobotFlags;
 use super::table::table;
 
@@ -68,10 +67,8 @@ impl Time {
             timed.excess
         );
         let write = |path: &PathBuf, file: String| {
-            let name = path.display();
-            let failed = |error| Failure::start(format!("cannot write {name}: {error}"));
-            fs::write(path, file).map_err(failed)?;
-            Ok::<String, Failure>(format!("{name}: {about}\n"))
+            output::write(path, file)?;
+            Ok::<String, Failure>(format!("{}: {about}\n", path.display()))
         };
         let shown = match &self.show {
             Some(path) => write(path, self.page(&loaded, &timed, &about)?)?,
