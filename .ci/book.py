@@ -250,8 +250,10 @@ def linked(page, text, pages):
         fenced ^= bool(FENCE.match(line))
         if not fenced:
             line = re.sub(r"(?<!\[)`([\w./-]+\.md)`(?!\])", to_page, line)
-            line = re.sub(r"\[([^\]]+)\]\(((?:crate|super)::[\w:]+)\)", to_module, line)
+            line = re.sub(r"\[([^\]]+)\]\(((?:crate|super|sarrus_\w+)::[\w:]+)\)", to_module, line)
             line = re.sub(r"\[(`[^`\]]+`)\](?!\()", r"\1", line)
+            # files of the tree that are no pages keep their names alone
+            line = re.sub(r"\[(`[^`\]]+`)\]\((?!http)[^)]*\.(?!md\b|html\b)\w+\)", r"\1", line)
             # the book's name of a folder's page
             line = re.sub(r"(\]\([^)]*?)README\.md(?=[)#])", r"\1index.md", line)
         lines.append(line)
