@@ -192,6 +192,27 @@ class Ours:
         return dict(zip(self.tree, answer.q)), spent
 
 
+def descend(peer, at, solve, failed):
+    """Steps of pink or mink, whose interfaces agree, from `at` to the targets of the hands."""
+    for _ in range(STEPS):
+        off = [task.compute_error(at) for task in [*peer.hands, *peer.loops]]
+        if max(np.abs(error).max() for error in off) < STOP:
+            return
+        try:
+            v = solve(
+                at,
+                peer.hands,
+                1.0,
+                solver="daqp",
+                limits=peer.limits,
+                constraints=peer.loops,
+                safety_break=False,
+            )
+        except failed:
+            return
+        at.integrate_inplace(v, 1.0)
+
+
 class Pink:
     """Pink: frame tasks, the loops as equality constraints."""
 
@@ -219,24 +240,7 @@ class Pink:
             hand.set_target(self.pin.XYZQUATToSE3(pose))
         begin = time.perf_counter()
         at = pink.Configuration(self.model, self.data, self.q)
-        for _ in range(STEPS):
-            off = [hand.compute_error(at) for hand in self.hands]
-            off += [loop.compute_error(at) for loop in self.loops]
-            if max(np.abs(error).max() for error in off) < STOP:
-                break
-            try:
-                v = pink.solve_ik(
-                    at,
-                    self.hands,
-                    1.0,
-                    solver="daqp",
-                    limits=self.limits,
-                    constraints=self.loops,
-                    safety_break=False,
-                )
-            except pink.exceptions.PinkError:
-                break
-            at.integrate_inplace(v, 1.0)
+        descend(self, at, pink.solve_ik, pink.exceptions.PinkError)
         return got(self.model, at.q), time.perf_counter() - begin
 
 
@@ -282,24 +286,7 @@ class Mink:
             hand.set_target(mink.SE3.from_rotation_and_translation(quat, pose[:3]))
         begin = time.perf_counter()
         at = mink.Configuration(self.model, self.q)
-        for _ in range(STEPS):
-            off = [hand.compute_error(at) for hand in self.hands]
-            off += [loop.compute_error(at) for loop in self.loops]
-            if max(np.abs(error).max() for error in off) < STOP:
-                break
-            try:
-                v = mink.solve_ik(
-                    at,
-                    self.hands,
-                    1.0,
-                    solver="daqp",
-                    limits=self.limits,
-                    constraints=self.loops,
-                    safety_break=False,
-                )
-            except mink.MinkError:
-                break
-            at.integrate_inplace(v, 1.0)
+        descend(self, at, mink.solve_ik, mink.MinkError)
         spent = time.perf_counter() - begin
         return {name: at.q[place] for name, place in self.places.items()}, spent
 

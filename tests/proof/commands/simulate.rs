@@ -112,7 +112,7 @@ fn the_page_of_a_path_in_time_has_the_curves_of_its_table_with_limits() {
         assert_eq!(run.code, Some(0), "{}", run.err);
         run.out
     };
-    // a result does not replace what it is computed from
+    // a result does not replace an input
     for out in [&["--out", "path.csv"][..], &["--out=path.csv"]] {
         let mut command = Command::new(sarrus());
         command.args(["time", "path.csv", "--robot", "lambda"]).args(out).current_dir(&home.0);

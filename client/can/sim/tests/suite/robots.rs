@@ -66,7 +66,7 @@ pub(crate) struct Robot {
     side: Vec<f64>,
     /// The place in q of the joint with an encoder.
     encoder: Option<usize>,
-    /// Forces along the independents that nobody tells the bridge of.
+    /// External forces along the independents, unknown to the bridge.
     pub(crate) push: Vec<f64>,
 }
 
