@@ -5,10 +5,10 @@
 //! accepts clients, answers their calls on the control socket, and makes and retires segments and
 //! plans. The threads share counters and bounded channels, and no lock.
 //!
-//! Three threads run beside them: two compute the expensive states (`answering/aside.rs`), one
-//! watches upkeep. On request one writes the last seconds of requests to a file ([`record`]) and
-//! one compiles plans to native code (`kernels/`). `system/` holds the placement of threads,
-//! limits, SIGBUS and stderr. [`pool`] is the allocator of programs that serve.
+//! Three threads run beside them: two compute expensive states (`answering/aside.rs`), one watches
+//! upkeep. On request one writes the last seconds of requests to a file ([`record`]) and one
+//! compiles plans to native code (`kernels/`). `system/` holds the placement of threads, limits,
+//! SIGBUS and stderr. [`pool`] is the allocator of programs that serve.
 
 mod answering;
 mod error;
