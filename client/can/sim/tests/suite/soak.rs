@@ -467,8 +467,8 @@ impl Run {
         }
     }
 
-    /// Asks for power for this time, and longer until the state has one of these reasons: the set-up
-    /// of the motor comes first. An error where a motor gets power, or at another reason.
+    /// Asks for power for this time, and longer until the state has one of these reasons: the
+    /// set-up of the motor comes first. An error where a motor gets power, or at another reason.
     fn is_refused(
         &mut self,
         seconds: f64,
