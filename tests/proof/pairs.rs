@@ -48,19 +48,21 @@ fn searched(pair: usize) {
 
 /// Seeds whose answers were wrong without a word, where Newton's steps reached another assembly and
 /// where the actuators do not move the independents at all; or counted as wrong: places far away,
-/// two links that share their acceleration, forces that cancel the bias to six digits, and a lock
-/// beyond a singular pose.
+/// two links that share their acceleration, forces that cancel the bias to six digits, a lock
+/// beyond a singular pose, and redundant rows that differ by rounding.
 #[test]
 fn seeds_that_once_were_silent_are_so_no_more() {
     let mut ledger = Ledger::default();
     for (pair, seed) in [
         (0, 1_010_883),
         (2, 20_900_577),
+        (4, 22_200_167),
         (5, 1_006_263),
         (7, 21_300_587),
         (8, 20_600_567),
         (10, 5_000_026),
         (11, 5_100_042),
+        (12, 22_600_008),
     ] {
         let (name, with) = PAIRS[pair];
         assert!(case(name, with, seed, &mut ledger));

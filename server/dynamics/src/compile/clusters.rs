@@ -2,8 +2,8 @@
 
 use sarrus_proto::{ClosureInfo, ClosureKind};
 
-use crate::closure::{Closure, Numerical};
-use crate::compile::analysis::{Analysis, Subject, analyse, close_zero};
+use crate::closure::{Closure, Numerical, Scratch};
+use crate::compile::analysis::{Analysis, State, Subject, analyse, close_zero};
 use crate::compile::assemble::Assembly;
 use crate::compile::choose_closure::Candidate;
 use crate::description::{Description, Submechanism};
@@ -46,6 +46,9 @@ pub(super) fn close_clusters(
             continue;
         }
         zero.copy_from_slice(&numerical.zero);
+        let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
+        let mut state = State::new(cluster, zero);
+        numerical.set_reach(cluster, bodies, &mut state.local(&mut scratch));
         let candidate =
             Candidate { description, assembly, c, labels: &labels, cluster, bodies, numerical };
         let chosen = candidate.choose_closure(subject.zero, &mut closures, errors, warnings);

@@ -139,6 +139,14 @@ impl Block {
         }
     }
 
+    /// 1/sin²α of the rule of an attempt at the pose in `local`, whose poses are fresh; infinite
+    /// where the block cannot be inverted.
+    pub(super) fn near<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(cluster, local, true);
+        let inverted = self.invert::<T, ANY>(local);
+        if inverted.sound { inverted.near } else { T::from_f64(f64::INFINITY) }
+    }
+
     /// The gain of this block b, which multiplies that of the blocks before it.
     #[inline(always)]
     pub(super) fn multiply_gain<T: Real>(&self, b: usize, own: T, gains: &mut [T]) {

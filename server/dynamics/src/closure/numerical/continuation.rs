@@ -85,13 +85,12 @@ pub(in crate::closure) fn follow<T: Real>(
         for &j in &cluster.dependent_q {
             local.q[j] = local.scratch.last[j];
         }
-        let (good, count) = numerical.newton(
-            cluster,
-            bodies,
-            local,
-            Branches::Remembered,
-            whole * T::from_f64(next - at),
-        );
+        let moved = whole * T::from_f64(next - at);
+        let (good, count) = if at == 0.0 && numerical.is_far(local, moved) {
+            (false, 0)
+        } else {
+            numerical.newton(cluster, bodies, local, Branches::Remembered, moved)
+        };
         iterations += count;
         let gap = if good { redundant_gap(cluster, local) } else { T::ZERO };
         if good && holds(gap) && leads_on && goes_straight(numerical, cluster, local) {

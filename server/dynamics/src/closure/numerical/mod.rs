@@ -28,7 +28,7 @@ use sarrus_proto::Status;
 use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::{local_poses, place};
 use crate::closure::numerical::block::Blocks;
-use crate::closure::numerical::newton::Start;
+use crate::closure::numerical::newton::{CAUTION, Start};
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
 use crate::closure::{Level, Local, Outcome, Rate, Scratch};
@@ -80,12 +80,15 @@ pub(crate) struct Numerical<T> {
     /// The closed form that holds where there are seeds.
     pub(crate) form: Option<Box<Formed<T>>>,
     pub(crate) end: End,
+    /// How far the independents may go from the zero pose in one attempt, in radians or cluster
+    /// lengths. The rule of an attempt asks the same of its start, where they have moved already.
+    pub(crate) reach: f64,
     /// Two assemblies can meet: every way is followed along its tangent.
     pub(crate) meets: bool,
 }
 
 constants! { Numerical:
-    keep choices turns seeds end meets;
+    keep choices turns seeds end reach meets;
     list zero;
     other form: |f, form| Box::new(form.map(f));
 }
@@ -124,8 +127,30 @@ impl<T: Real> Numerical<T> {
             seeds: None,
             form: None,
             end: End { tolerance: None, steps: STEPS },
+            reach: f64::INFINITY,
             meets: false,
         }
+    }
+
+    /// Sets the reach of attempts from the zero pose, which is in `local.q`.
+    pub(crate) fn set_reach(
+        &mut self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        local: &mut Local<'_, T>,
+    ) {
+        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        let blocks = self.choices[0].blocks.iter().filter(|block| !block.couples);
+        let near = blocks.map(|block| block.near(cluster, local)).fold(T::ONE, T::larger).to_f64();
+        if near.is_finite() {
+            self.reach = CAUTION / near.sqrt();
+        }
+    }
+
+    /// True if the independents are farther from zero than one attempt may go.
+    #[inline(always)]
+    pub(in crate::closure) fn is_far(&self, local: &Local<'_, T>, moved: T) -> bool {
+        local.from_zero && T::from_f64(self.reach).lt(moved)
     }
 
     /// Marks a mechanism of which two assemblies can meet.
@@ -312,10 +337,10 @@ impl<T: Real> Numerical<T> {
                 local.q[i] = local.start[i];
             }
         }
-        let (good, iterations) = if self.meets {
+        let moved = distance(cluster, local.start, local.q);
+        let (good, iterations) = if self.meets || self.is_far(local, moved) {
             (false, 0)
         } else {
-            let moved = distance(cluster, local.start, local.q);
             self.newton(cluster, bodies, local, Branches::Unknown, moved)
         };
         let gap = if good { continuation::redundant_gap(cluster, local) } else { T::ZERO };
