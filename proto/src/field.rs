@@ -259,6 +259,10 @@ wire_enum! {
         /// Combinations of parameters that forces along some motion tell, each in the place of the
         /// parameter that it replaces, NaN in others; of the model, at no state (n_parameters).
         BaseParameters = 104, "base_parameters";
+        /// ∂q/∂θ at fixed y, of tree velocities, then turn and slide of each wanted frame in the
+        /// axes of its Jacobian; columns in the order of [`crate::ModelInfo::geometry`]
+        /// (n_v + 6 n_frames × n_geometry).
+        DgammaDtheta = 105, "dgamma_dtheta";
     }
 }
 
@@ -360,6 +364,7 @@ impl Field {
             Direction => (2 * s.n_vy + s.n_u, 1),
             Multipliers => (s.n_vy, 1),
             BaseParameters => (s.n_parameters(), 1),
+            DgammaDtheta => (p.n_v + 6 * n_frames, s.n_geometry()),
             D2TauYV => (p.n_vy, 2 * s.n_vy),
             D2YddV => (p.n_vy, 2 * s.n_vy + s.n_u),
         }

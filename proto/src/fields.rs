@@ -156,6 +156,8 @@ fields! {
         "derivative of [∂ÿ/∂y ∂ÿ/∂ẏ ∂ÿ/∂τ_u] along v; with μ, μᵀ times it";
     BaseParameters "n_parameters" "mixed"
         "base parameters of the model in the places of their own parameters, NaN in others";
+    DgammaDtheta "n_v + 6 n_frames × n_geometry" "mixed"
+        "∂q/∂θ at fixed y, then [turn; slide] of each frame by θ, the places of joints and cuts";
 }
 
 #[cfg(test)]
@@ -174,6 +176,7 @@ mod tests {
             n_c: 13,
             n_branches: 17,
             n_bodies: 29,
+            n_cuts: 31,
         };
         let n_frames = 19;
         let n_wrenches = 23;
@@ -192,6 +195,7 @@ mod tests {
             "n_c" => sizes.n_c,
             "n_branches" => sizes.n_branches,
             "n_parameters" => sizes.n_parameters(),
+            "n_geometry" => sizes.n_geometry(),
             "n_frames" => n_frames,
             "n_wrenches" => n_wrenches,
             number => number.parse().unwrap(),

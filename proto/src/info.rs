@@ -175,6 +175,25 @@ impl ModelInfo {
             of_velocities.iter().flat_map(|of| self.tree.iter().map(move |v| format!("{v}/{of}")));
         bodies.chain(others).collect()
     }
+
+    /// Names of the numbers θ of the geometry (n_geometry): small turns about, then slides along
+    /// the axes of a frame, of the origin of each joint of the tree in its parent, on the axes of
+    /// the joint's frame; then of the frames of each cut on its predecessor and on its successor,
+    /// on their own axes.
+    pub fn geometry(&self) -> Vec<String> {
+        let of = |place: String| ["rx", "ry", "rz", "x", "y", "z"].map(|k| format!("{place}/{k}"));
+        let mut cuts: Vec<&str> = self
+            .loops
+            .iter()
+            .filter_map(|row| row.rsplit_once('/'))
+            .filter(|(_, row)| *row != "coupling")
+            .map(|(cut, _)| cut)
+            .collect();
+        cuts.dedup();
+        let ends = |cut| ["predecessor", "successor"].map(|end| format!("{cut}/{end}"));
+        let joints = self.joints().map(|joint| joint.name.to_owned());
+        joints.chain(cuts.into_iter().flat_map(ends)).flat_map(of).collect()
+    }
 }
 
 /// `base` of `base/rx`.

@@ -25,12 +25,20 @@ pub struct Sizes {
     /// Moving bodies, one for each joint of the tree.
     #[cfg_attr(feature = "transport", serde(default))]
     pub n_bodies: usize,
+    /// Cuts of loops, without couplings.
+    #[cfg_attr(feature = "transport", serde(default))]
+    pub n_cuts: usize,
 }
 
 impl Sizes {
     /// Parameters in which forces are linear: see [`ModelInfo::parameters`].
     pub const fn n_parameters(&self) -> usize {
         10 * self.n_bodies + 3 * self.n_v
+    }
+
+    /// Numbers of the geometry: see [`ModelInfo::geometry`].
+    pub const fn n_geometry(&self) -> usize {
+        6 * self.n_bodies + 12 * self.n_cuts
     }
 }
 

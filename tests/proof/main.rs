@@ -30,6 +30,7 @@ mod exported;
 mod failures;
 mod forward;
 mod generated;
+mod geometry;
 mod gradients;
 mod hyrodyn;
 mod implicit;

@@ -58,6 +58,11 @@ fn part(model: &Model, large: (&Plan, &[f64]), small: &Plan, frames: &[usize]) -
             Field::Qd | Field::Qdd | Field::TauQ | Field::G | Field::GBias | Field::Limits => {
                 rows.v.clone()
             }
+            Field::DgammaDtheta => {
+                let n_v = model.sizes().n_v;
+                let of_frames = frames.iter().flat_map(|k| 6 * k..6 * k + 6);
+                rows.v.iter().copied().chain(of_frames.map(|row| n_v + row)).collect()
+            }
             Field::Gd | Field::DqddDy | Field::DgBiasDyd => rows.v.clone(),
             _ => rows.vy.clone(),
         };

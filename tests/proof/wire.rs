@@ -44,7 +44,7 @@ fn a_query_is_432_bytes_with_its_fields_at_fixed_places() {
 
 #[test]
 fn fields_keep_their_numbers_and_names() {
-    const NAMES: [&str; 105] = [
+    const NAMES: [&str; 106] = [
         "y",
         "yd",
         "ydd",
@@ -150,6 +150,7 @@ fn fields_keep_their_numbers_and_names() {
         "d2_tau_y_v",
         "d2_ydd_v",
         "base_parameters",
+        "dgamma_dtheta",
     ];
     assert!(Field::ALL.len() >= NAMES.len(), "a field has gone");
     for (number, (field, name)) in Field::ALL.iter().zip(NAMES).enumerate() {
@@ -386,8 +387,17 @@ fn a_number_that_this_version_does_not_know_has_no_meaning() {
 
 #[test]
 fn fields_are_packed_in_the_order_of_their_numbers() {
-    let sizes =
-        Sizes { n_q: 10, n_v: 9, n_qy: 8, n_vy: 7, n_u: 3, n_c: 2, n_branches: 4, n_bodies: 9 };
+    let sizes = Sizes {
+        n_q: 10,
+        n_v: 9,
+        n_qy: 8,
+        n_vy: 7,
+        n_u: 3,
+        n_c: 2,
+        n_branches: 4,
+        n_bodies: 9,
+        n_cuts: 2,
+    };
     let given = FieldSet::of(&[Field::TauU, Field::Yd, Field::Y]);
     let query = Query::new(Request::ForwardDynamics, given, FieldSet::of(&Field::ALL[..42]))
         .with_frames(&[1, 0])

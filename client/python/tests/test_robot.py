@@ -127,6 +127,17 @@ class Answers(unittest.TestCase):
         tau_y = x.regressor_y[:, known] @ x.base_parameters[known]
         np.testing.assert_allclose(tau_y, x.tau_y, rtol=1e-9)
 
+    def test_a_joint_that_is_turned_on_its_base_is_one_that_moves(self):
+        robot = sarrus.Robot.bundled("lambda")
+        query = robot.query("kinematics", ["y"], ["dgamma_dtheta", "G"], frames=["Elbow_Link"])
+        x = query(y=[0.3])
+        assert x.dgamma_dtheta.shape == (3 + 6, len(robot.geometry)) == (9, 30)
+        turned = x.dgamma_dtheta[:, robot.geometry.index("Elbow/rx")]
+        np.testing.assert_allclose(turned[:3] + [1, 0, 0], x.G[:, 0], rtol=1e-12)
+        np.testing.assert_allclose(turned[3:], [1, 0, 0, 0, 0, 0], atol=1e-12)
+        cut = robot.geometry.index("ElbowAct/successor/y")
+        assert abs(x.dgamma_dtheta[robot.joints.index("ElbowAct"), cut]) > 0.5
+
     def test_an_observer_finds_a_force_that_nothing_explains(self):
         robot = sarrus.Robot.bundled("ankle")
         given = ["y", "yd", "tau_y", "dt", "gain", "observer"]

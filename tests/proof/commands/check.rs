@@ -255,7 +255,7 @@ fn robots_lists_the_bundled_ones() {
         upper["sizes"],
         json!({
             "n_q": 23, "n_v": 23, "n_qy": 13, "n_vy": 13, "n_u": 13, "n_c": 10, "n_branches": 3,
-            "n_bodies": 23
+            "n_bodies": 23, "n_cuts": 4
         })
     );
 }

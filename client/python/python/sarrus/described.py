@@ -6,6 +6,7 @@ import html
 import json
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,21 @@ class DescribedRobot(_native.Robot):
     def loops(self) -> Names:
         """Rows of K, in their order (n_c)."""
         return Names(self.information["loops"])
+
+    @cached_property
+    def geometry(self) -> Names:
+        """Places of joints and cuts, in the order of the columns of `dgamma_dtheta`.
+
+        JOINT/rx, ry, rz, x, y, z: turn and slide of the origin of each joint of the tree, on the
+        axes of its frame; then of each cut CUT/predecessor/rx … CUT/successor/z.
+        """
+        single = set(self.coordinates)
+        parts = [name if name in single else name.rsplit("/", 1)[0] for name in self.joints]
+        rows = [row.rsplit("/", 1) for row in self.loops]
+        cuts = [cut for cut, _ in groupby(cut for cut, row in rows if row != "coupling")]
+        ends = [f"{cut}/{end}" for cut in cuts for end in ("predecessor", "successor")]
+        places = [*dict.fromkeys(parts), *ends]
+        return Names(f"{at}/{k}" for at in places for k in ("rx", "ry", "rz", "x", "y", "z"))
 
     @cached_property
     def links(self) -> Names:

@@ -134,12 +134,7 @@ pub(crate) fn frame_jacobian<T: Real>(
     mut each: impl FnMut(usize, [T; 6]),
 ) {
     let point = in_root(frame, world).p;
-    // parents have smaller numbers: both paths end where they meet
-    let mut carries = frame.body;
-    let mut against = against;
-    while carries != against {
-        let moves = carries > against;
-        let i = carries.max(against);
+    each_between(model, frame.body, against, |i, moves| {
         let mut each = |v: usize, column: [T; 6]| {
             each(v, if moves { column } else { column.map(|x| -x) });
         };
@@ -162,8 +157,50 @@ pub(crate) fn frame_jacobian<T: Real>(
                 }
             }
         }
-        *(if moves { &mut carries } else { &mut against }) = body.parent;
+    });
+}
+
+/// Calls `each(body, moves)` for the joints between two bodies: those that move the first one
+/// against the other, and those that move the other.
+#[inline(always)]
+fn each_between<T>(
+    model: &Model<T>,
+    mut carries: usize,
+    mut against: usize,
+    mut each: impl FnMut(usize, bool),
+) {
+    // parents have smaller numbers: both paths end where they meet
+    while carries != against {
+        let moves = carries > against;
+        let i = carries.max(against);
+        each(i, moves);
+        *(if moves { &mut carries } else { &mut against }) = model.bodies[i].parent;
     }
+}
+
+/// Columns of a frame against a body, 0 for the root, over turns and slides of the origins of the
+/// joints between them: calls `each(number of the joint, k, column)`.
+pub(crate) fn frame_by_geometry<T: Real>(
+    model: &Model<T>,
+    frame: &Frame<T>,
+    against: usize,
+    world: &[Pose<T>],
+    mut each: impl FnMut(usize, usize, [T; 6]),
+) {
+    let point = in_root(frame, world).p;
+    each_between(model, frame.body, against, |i, moves| {
+        let Some((joint, link)) = model.order.joint_of(i) else { return };
+        let body = &model.bodies[i];
+        let origin = Pose { R: body.R_parent_body, p: body.p_parent_body };
+        let origin = world[body.parent].then(&origin);
+        let R = origin.R.times(model.frames[link].x_body_frame.R);
+        let arm = point - origin.p;
+        for k in 0..6 {
+            let axis = if moves { R.col(k % 3) } else { -R.col(k % 3) };
+            let turn = if k < 3 { pack(&axis, &axis.cross(arm)) } else { pack(&zero(), &axis) };
+            each(joint, k, turn);
+        }
+    });
 }
 
 /// A wrench `[n; f]` in world axes at a frame's origin, as (n, f) in the axes of the frame's body

@@ -16,8 +16,8 @@ pub(crate) use cluster_aba::embedded_solve;
 pub(crate) use crba::{own_inertias, projected_solve, reduced_mass_matrix};
 pub(crate) use derivatives::{force_derivatives, momenta, moving_bodies};
 pub(crate) use frames::{
-    frame_acceleration, frame_jacobian, frame_pose, frame_twist, frame_wrench, in_root, pack,
-    pose_numbers, rates, velocities, world_poses,
+    frame_acceleration, frame_by_geometry, frame_jacobian, frame_pose, frame_twist, frame_wrench,
+    in_root, pack, pose_numbers, rates, velocities, world_poses,
 };
 pub(crate) use mass_matrix::tree_mass_matrix;
 pub(crate) use regressor::tree_regressor;

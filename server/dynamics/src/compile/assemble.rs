@@ -343,6 +343,7 @@ impl<'a> Builder<'a> {
             n_c: names.loops.len(),
             n_branches: branches.len(),
             n_bodies: self.model.bodies.len() - 1,
+            n_cuts: self.model.order.cuts.len(),
         };
         let meta = ModelInfo {
             robot: self.description.name.clone(),

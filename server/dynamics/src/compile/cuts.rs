@@ -49,6 +49,9 @@ impl Builder<'_> {
         self.names.loops.extend(names);
         let cluster = &mut self.model.clusters[c];
         cluster.rows.extend(first..self.names.loops.len());
+        if !cut.is_coupling() {
+            self.model.order.cuts.push((c, cluster.cuts.len()));
+        }
         cluster.cuts.push(cut);
     }
 

@@ -99,6 +99,11 @@ impl<T> Cluster<T> {
         GBlock { entries: &blocks[self.g_offset..], n_vy: self.n_vy }
     }
 
+    /// Numbers of its geometry: six of each body and of each end of each cut.
+    pub(crate) fn n_geometry(&self) -> usize {
+        6 * (self.n + 2 * self.cuts.len())
+    }
+
     /// True when the cluster is one free joint.
     pub(crate) fn is_serial(&self) -> bool {
         self.rows.is_empty()

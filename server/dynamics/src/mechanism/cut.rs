@@ -30,6 +30,13 @@ constants! { Cut:
     each rows;
 }
 
+impl<T> Cut<T> {
+    /// True for a coupling of joints, which has no frames.
+    pub(crate) fn is_coupling(&self) -> bool {
+        self.rows.iter().any(|row| !row.terms.is_empty())
+    }
+}
+
 /// One row of a cut, of unit length, or a linear coupling when `terms` is not empty.
 #[derive(Clone, Debug)]
 pub(crate) struct CutRow<T> {

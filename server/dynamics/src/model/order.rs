@@ -31,6 +31,15 @@ pub(crate) struct Order {
     pub(crate) vy_internal: Vec<usize>,
     /// Each moving body with the number of the link that its joint carries.
     pub(crate) bodies: Vec<(usize, usize)>,
+    /// Each cut but couplings, as (cluster, number in it).
+    pub(crate) cuts: Vec<(usize, usize)>,
     /// The closed clusters that have a branch, in the order of their submechanisms.
     pub(crate) branches: Vec<usize>,
+}
+
+impl Order {
+    /// The number of a moving body in [`Order::bodies`], and the link that its joint carries.
+    pub(crate) fn joint_of(&self, body: usize) -> Option<(usize, usize)> {
+        self.bodies.iter().position(|(i, _)| *i == body).map(|k| (k, self.bodies[k].1))
+    }
 }

@@ -7,6 +7,7 @@ mod closed;
 mod derivatives;
 mod diagnostics;
 mod forces;
+mod geometry;
 mod kkt;
 mod limits;
 mod links;
@@ -191,13 +192,14 @@ impl Plan {
     /// The square matrices that a workspace has to have.
     pub(crate) fn needs(&self) -> Needs {
         let kkt = self.method == Method::Kkt && self.request == Request::ForwardDynamics;
-        let Steps { mass_matrix, conditions: dense, derivatives, task_space, .. } = self.steps;
+        let Steps { mass_matrix, conditions: dense, derivatives, geometry, task_space, .. } =
+            self.steps;
         let frames = if task_space { self.frames.len() } else { 0 };
         let own = Needs {
             mass_matrix,
             dense,
             kkt,
-            derivatives,
+            derivatives: derivatives || geometry,
             motors: self.motors.is_some(),
             frames,
             // in doubles alone

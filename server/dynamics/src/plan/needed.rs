@@ -217,6 +217,7 @@ fn roots<C>(
     let is_actuated = [Some(steps.position), steps.velocity, steps.acceleration]
         .contains(&Some(Space::Actuation));
     let needs_G = steps.derivatives
+        || steps.geometry
         || want.has_any(&[Field::JacobianIndependent, Field::JacobianActuator, Field::MY])
         || want.iter().any(Field::is_of_motors);
     Roots {

@@ -71,6 +71,7 @@ impl Plan {
             (steps.derivatives, "derivatives"),
             (self.first.is_some(), "differences of derivatives in double-double"),
             (steps.regressor, "forces by parameters"),
+            (steps.geometry, "derivatives by geometry"),
             (self.motors.is_some(), "limits of actuators"),
             (steps.task_space, "inertia of the frames"),
             (steps.conditions, "conditions of the loops"),

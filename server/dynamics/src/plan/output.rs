@@ -256,6 +256,7 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
+            Field::DgammaDtheta if !T::STRAIGHT => return self.write_geometry(model, ws, out),
             field if field.is_second() => out.fill(T::ZERO),
             Field::BaseParameters => {
                 out.iter_mut().zip(&self.base).for_each(|(to, x)| *to = T::from_f64(*x));
@@ -269,7 +270,7 @@ impl Plan {
         Status::Ok
     }
 
-    fn each_frame<T: Real>(
+    pub(super) fn each_frame<T: Real>(
         &self,
         model: &Model<T>,
         out: &mut [T],

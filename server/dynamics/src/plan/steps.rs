@@ -8,7 +8,7 @@ use crate::model::Method;
 use crate::plan::needed;
 
 // wanted fields by the quantity that they read
-const FRAMES: [Field; 12] = [
+const FRAMES: [Field; 13] = [
     FramePose,
     FrameTwist,
     FrameAcc,
@@ -17,6 +17,7 @@ const FRAMES: [Field; 12] = [
     JacobianActuator,
     JdYd,
     DjacobianDy,
+    DgammaDtheta,
     TaskInertia,
     TaskBias,
     TaskGravity,
@@ -39,8 +40,17 @@ const TREE_ACCELERATIONS: [Field; 3] = [Qdd, Udd, FrameAcc];
 const BIASES: [Field; 6] = [GBias, GUBias, ComBias, JdYd, ReflectedForce, TaskBias];
 /// Read C_y.
 const BIAS_FORCES: [Field; 3] = [CY, TorqueVerticesNet, TorqueSupportNet];
-const LOOP_JACOBIANS: [Field; 8] =
-    [G, GU, CondGu, Uncontrolled, JacobianIndependent, JacobianActuator, ComJacobian, Centroidal];
+const LOOP_JACOBIANS: [Field; 9] = [
+    G,
+    GU,
+    CondGu,
+    Uncontrolled,
+    JacobianIndependent,
+    JacobianActuator,
+    ComJacobian,
+    Centroidal,
+    DgammaDtheta,
+];
 const FORCES: [Field; 5] = [TauY, TauU, TauQ, TauUnactuated, Lambda];
 const MASS_MATRICES: [Field; 2] = [MY, CondMy];
 
@@ -93,6 +103,8 @@ pub(super) struct Steps {
     pub(super) force_derivatives: bool,
     /// Forces by parameters.
     pub(super) regressor: bool,
+    /// Derivatives by the geometry.
+    pub(super) geometry: bool,
     /// The step of the observer.
     pub(super) observes: bool,
 }
@@ -142,6 +154,7 @@ impl Steps {
             poses: frames
                 || links
                 || derivatives
+                || want.has(DgammaDtheta)
                 || dynamics && (newton_euler || mass_matrix || want.has_any(&BIAS_FORCES)),
             frames,
             frame_velocities: want.has_any(&[FrameTwist, Momentum, Energy])
@@ -156,6 +169,7 @@ impl Steps {
             derivatives,
             force_derivatives,
             regressor,
+            geometry: want.has(DgammaDtheta),
             observes,
         }
     }

@@ -100,6 +100,21 @@ impl<T: Real> View<'_, T> {
         });
     }
 
+    /// The same over turns and slides of the origins of joints: calls `each(number of the joint,
+    /// k, column)`.
+    pub(super) fn by_geometry(
+        self,
+        model: &Model<T>,
+        frame: &Frame<T>,
+        world: &[Pose<T>],
+        mut each: impl FnMut(usize, usize, [T; 6]),
+    ) {
+        let against = self.reference.map_or(0, |reference| reference.body);
+        algorithms::frame_by_geometry(model, frame, against, world, |joint, k, column| {
+            each(joint, k, self.turned(frame, world, &column));
+        });
+    }
+
     fn is_plain(self) -> bool {
         self.axes == Axes::Mixed && self.reference.is_none()
     }

@@ -51,6 +51,8 @@ pub(crate) struct Derivatives<T: Real> {
     /// independent (n_vy).
     pub(crate) frame: Vec<[Spatial<T>; 2]>,
     pub(crate) reference: Vec<[Spatial<T>; 2]>,
+    /// ∂q/∂θ of the dependents of the cluster in hand.
+    pub(crate) by_geometry: Vec<T>,
 }
 
 /// Motion and composite of a body with all that it carries, at the root's origin.
@@ -138,6 +140,7 @@ impl<T: Real> Derivatives<T> {
         let square = || of(n * n);
         let clusters = || model.clusters.iter();
         let widest = clusters().map(|c| c.n_vy).max().unwrap_or(0);
+        let by_geometry = clusters().map(|c| c.dependent.len() * c.n_geometry());
         let block = clusters().map(|c| c.n_v * c.n_vy).max().unwrap_or(0);
         let mut seen_at = vec![0; model.bodies.len()];
         let mut seen = 0;
@@ -175,6 +178,7 @@ impl<T: Real> Derivatives<T> {
             observer: vec![[T::ZERO; 3]; n],
             frame: vec![[Spatial::zero(); 2]; n],
             reference: vec![[Spatial::zero(); 2]; n],
+            by_geometry: of(by_geometry.max().unwrap_or(0)),
         }
     }
 }

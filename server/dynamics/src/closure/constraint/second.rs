@@ -11,12 +11,12 @@
 //! Σ τ_i ∂²γ_i/∂y_j∂y_k.
 //! Nothing here depends on how the closure was found; the one factor is K_d⁻¹.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::constraint::rows::{Angular, CutState, place};
+use crate::closure::constraint::rows::{Angular, CutState, base, place};
 use crate::closure::constraint::so3_log::{log_factors, second_factor};
 use crate::linalg::invert;
-use crate::mechanism::{Body, Cluster, Cut, CutRow};
+use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, Pose, Spatial, total, zero};
 
@@ -198,6 +198,53 @@ impl<T: Real> Second<T> {
                 let b = &B[i * m..(i + 1) * m];
                 row.iter_mut().zip(b).for_each(|(y, b)| *y = x.mul_add(*b, *y));
             }
+        }
+    }
+
+    /// ∂q/∂θ of the dependents at fixed y (dependents × [`Cluster::n_geometry`]) of the cluster of
+    /// [`Second::at`]: K_d X = −∂φ/∂θ with the columns of joints of six freedoms at the origin of
+    /// each joint, with the axes that `axes` gives from those of its body, and at the frames of
+    /// each cut.
+    pub(crate) fn by_geometry(
+        &self,
+        cluster: &Cluster<T>,
+        bodies: &[Body<T>],
+        axes: impl Fn(usize) -> Matrix3<T>,
+        X: &mut [T],
+    ) {
+        let width = cluster.n_geometry();
+        let m = cluster.dependent.len();
+        X[..m * width].fill(T::ZERO);
+        let still = [Spatial::zero(); 2];
+        let mut first = 0;
+        for (c, cut) in cluster.cuts.iter().enumerate() {
+            let state = CutState::of_forces(cut, &self.pose);
+            for (r, row) in (first..).zip(&cut.rows) {
+                let used = cluster.used.iter().position(|used| *used == r);
+                let Some(i) = used.filter(|_| row.terms.is_empty()) else { continue };
+                let [w, ..] = wrench(cut, row, &state, &still, &still);
+                let mut add = |place: usize, at: &Pose<T>, on_successor: bool| {
+                    let p = T::Triple::of(&at.p);
+                    for k in 0..6 {
+                        let along =
+                            w.dot(Spatial::joint(T::Triple::of(&at.R.col(k % 3)), p, k >= 3));
+                        let minus = if on_successor { -along } else { along };
+                        for a in 0..m {
+                            let x = &mut X[a * width + 6 * place + k];
+                            *x = self.inverse[a * m + i].mul_add(minus, *x);
+                        }
+                    }
+                };
+                for &(j, on_successor) in &cut.path {
+                    let Dof { body, k: 0, .. } = cluster.dofs[j] else { continue };
+                    let at = base(cluster, bodies, body, &self.pose);
+                    add(body, &Pose { R: at.R.times(axes(body)), p: at.p }, on_successor);
+                }
+                let end = cluster.n + 2 * c;
+                add(end, &self.pose[cut.predecessor].then(&cut.x_p_cut), false);
+                add(end + 1, &self.pose[cut.successor].then(&cut.x_s_cut), true);
+            }
+            first += cut.rows.len();
         }
     }
 
