@@ -1,7 +1,7 @@
 //! Derivatives of the closed configuration and of frames by the geometry, at fixed y: see
 //! [`crate::guide::parameters`].
 
-use sarrus_proto::Status;
+use sarrus_proto::{Field, Slot, Status};
 
 use crate::mechanism::{Cluster, Cut};
 use crate::model::Model;
@@ -17,10 +17,11 @@ impl Plan {
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
-        out: &mut [T],
+        output: &mut [T],
     ) -> Status {
         // a workspace without them does not serve this plan
         let Some(mut d) = ws.derivatives.take() else { return Status::WrongSize };
+        let out = &mut output[self.want().slot(Field::DgammaDtheta).map_or(0..0, Slot::range)];
         let width = model.sizes().n_geometry();
         out.fill(T::ZERO);
         let (of_q, of_frames) = out.split_at_mut(self.needed.v.len() * width);
@@ -43,6 +44,7 @@ impl Plan {
             }
             self.add_cluster(model, c, ws, &d.by_geometry, [&mut *of_q, &mut *of_frames]);
         }
+        out.iter_mut().for_each(|x| *x = x.plus_zero());
         ws.derivatives = Some(d);
         status
     }

@@ -30,6 +30,13 @@ impl Plan {
                 algorithms::velocities(model, &self.frame_bodies, &ws.qd, &mut ws.motion);
             }
         }
+        // before others compute cosines again, which are those of the closures' own forms
+        if self.steps.geometry && !T::STRAIGHT {
+            let status = self.write_geometry(model, ws, output);
+            if status != Status::Ok {
+                return status;
+            }
+        }
         let conditions = if self.steps.conditions {
             match self.conditions(model, ws, output) {
                 Ok(conditions) => Some(conditions),
@@ -256,7 +263,6 @@ impl Plan {
             }
             Field::Limits => self.write_limits(ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
-            Field::DgammaDtheta if !T::STRAIGHT => return self.write_geometry(model, ws, out),
             field if field.is_second() => out.fill(T::ZERO),
             Field::BaseParameters => {
                 out.iter_mut().zip(&self.base).for_each(|(to, x)| *to = T::from_f64(*x));
