@@ -100,8 +100,8 @@ impl<T: Real> View<'_, T> {
         });
     }
 
-    /// The same over turns and slides of the origins of joints: calls `each(number of the joint,
-    /// k, column)`.
+    /// Columns over turns and slides of the origins of joints: calls `each(number of the joint, k,
+    /// column)`.
     pub(super) fn by_geometry(
         self,
         model: &Model<T>,
