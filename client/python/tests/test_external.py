@@ -158,7 +158,11 @@ class Rows(unittest.TestCase):
     def test_fields_without_jacobians_are_refused_by_name(self):
         robot = sarrus.Robot.bundled("lambda")
         for given, want, words in [
-            (["y", "yd", "ydd"], ["energy"], "no Jacobians of energy; there are those of tau_y"),
+            (
+                ["y", "yd", "ydd"],
+                ["energy"],
+                "no Jacobians of energy; there are those of com,",
+            ),
             (["y", "yd"], ["qdd"], "`qdd` depends on ydd; give it too"),
             (["y", "yd", "q_guess"], ["frame_twist"], "no Jacobians by q_guess"),
         ]:

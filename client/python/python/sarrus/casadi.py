@@ -11,12 +11,18 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from sarrus.external import External
 from sarrus.query import Array, RequestName
 
 if TYPE_CHECKING:
     from sarrus.robot import Robot
+
+Places = npt.NDArray[np.intp]
+Pattern = tuple[Any, Any]
+"""A pattern of CasADi, and the order of its numbers in an array, `None` of a block of zeros."""
+Patterns = dict[Any, Pattern]
 
 
 def function(
@@ -56,8 +62,7 @@ def function(
         raise ValueError(f"`rows` is {rows}, expected at least one")
     options: Any = {"frames": frames, "wrenches": wrenches, "friction": friction}
     external = External(robot, request, given, want, raises=raises, threads=threads, **options)
-    values: type = _classes(_casadi())[0]
-    return values(external, rows, name)
+    return _classes(_casadi())(external, rows, name)
 
 
 def _casadi() -> Any:
@@ -65,173 +70,156 @@ def _casadi() -> Any:
     try:
         return importlib.import_module("casadi")
     except ImportError as error:
-        raise ImportError(
-            "`sarrus.casadi` needs CasADi: pip install 'sarrus[casadi]'"
-        ) from error
+        raise ImportError("`sarrus.casadi` needs CasADi: pip install 'sarrus[casadi]'") from error
 
 
 @cache
-def _classes(casadi: Any) -> tuple[type, type, type]:
-    """The callbacks of values, of Jacobians and of second derivatives."""
+def _classes(casadi: Any) -> type:
+    """The callback of values, from which those of first and second derivatives come."""
 
-    class Values(casadi.Callback):  # type: ignore[misc]
+    class Blocks(casadi.Callback):  # type: ignore[misc]
+        """A function whose outputs are blocks of an `External`."""
+
+        def prepare(self, name: str, options: Any, inputs: Patterns, outputs: Patterns) -> None:
+            self.patterns_in, self.patterns_out = [*inputs.items()], [*outputs.items()]
+            # CasADi does not own callbacks of Python
+            self.kept: list[Any] = []
+            self.construct(name, options)
+
+        def get_n_in(self) -> int:
+            return len(self.patterns_in)
+
+        def get_n_out(self) -> int:
+            return len(self.patterns_out)
+
+        def get_name_in(self, k: int) -> str:
+            return "_".join(self.patterns_in[k][0])
+
+        def get_name_out(self, k: int) -> str:
+            return "_".join(self.patterns_out[k][0])
+
+        def get_sparsity_in(self, k: int) -> Any:
+            return self.patterns_in[k][1][0]
+
+        def get_sparsity_out(self, k: int) -> Any:
+            return self.patterns_out[k][1][0]
+
+        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+            found = self.numbers(arguments)
+            return [
+                casadi.DM(pattern, [] if order is None else found[key].ravel()[order])
+                for key, (pattern, order) in self.patterns_out
+            ]
+
+    class Values(Blocks):
         """The outputs of a query from its inputs."""
 
         def __init__(self, external: External, rows: int, name: str) -> None:
             super().__init__()
-            self.external, self.rows, self.kept = external, rows, []
-            self.fields = [*external.inputs, *external.outputs]
-            self.construct(name, {})
+            self.external, self.rows = external, rows
+            inputs = {(field,): self.columns(shape) for field, shape in external.inputs.items()}
+            outputs = {(field,): self.columns(shape) for field, shape in external.outputs.items()}
+            self.prepare(name, {}, inputs, outputs)
 
-        def get_n_in(self) -> int:
-            return len(self.external.inputs)
-
-        def get_n_out(self) -> int:
-            return len(self.external.outputs)
-
-        def get_name_in(self, i: int) -> str:
-            return self.fields[i]
-
-        def get_name_out(self, i: int) -> str:
-            return self.fields[self.get_n_in() + i]
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return self.dense(self.fields[i])
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return self.dense(self.fields[self.get_n_in() + i])
-
-        def dense(self, field: str) -> Any:
+        def columns(self, shape: tuple[int, ...]) -> Pattern:
             """A column for each state, or for each frame of each state."""
-            shape = (self.external.inputs | self.external.outputs)[field]
-            return casadi.Sparsity.dense(shape[-1], self.rows * int(np.prod(shape[:-1])))
+            columns = self.rows * int(np.prod(shape[:-1]))
+            return casadi.Sparsity.dense(shape[-1], columns), slice(None)
 
         def given(self, arguments: Sequence[Any]) -> list[Array]:
-            """Arguments as rows of states."""
-            shapes = self.external.inputs.values()
+            """The inputs among the arguments, as rows of states."""
             return [
                 np.array(argument).T.reshape(self.rows, *shape)
-                for argument, shape in zip(arguments, shapes, strict=False)
+                for argument, shape in zip(arguments, self.external.inputs.values(), strict=False)
             ]
 
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+        def numbers(self, arguments: Sequence[Any]) -> dict[Any, Array]:
             found = self.external(*self.given(arguments))
-            return [casadi.DM(array.reshape(-1, array.shape[-1]).T) for array in found]
+            return {
+                (name,): array for name, array in zip(self.external.outputs, found, strict=True)
+            }
 
         def has_jacobian(self) -> bool:
             return True
 
-        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
+        def get_jacobian(self, name: str, _inputs: Any, _outputs: Any, options: Any) -> Any:
             self.kept.append(Jacobians(self, name, options))
             return self.kept[-1]
 
-    class Jacobians(casadi.Callback):  # type: ignore[misc]
+    class Jacobians(Blocks):
         """The Jacobian of each output by each input, from inputs and outputs."""
 
         def __init__(self, values: Values, name: str, options: Any) -> None:
             super().__init__()
-            self.values, self.external, self.kept = values, values.external, []
-            pairs = [(o, i) for o in self.external.outputs for i in self.external.inputs]
-            self.blocks = {pair: self.block(*pair) for pair in pairs}
-            self.construct(name, options)
+            self.values, self.external = values, values.external
+            outputs = {
+                ("jac", output, by): self.block(output, by)
+                for output in self.external.outputs
+                for by in self.external.inputs
+            }
+            given = {("out", *key): pattern for key, pattern in values.patterns_out}
+            self.prepare(name, options, dict(values.patterns_in) | given, outputs)
 
-        def block(self, output: str, by: str) -> tuple[Any, Array | None]:
-            """The block-diagonal pattern of all states, and its order of numbers."""
+        def block(self, output: str, by: str) -> Pattern:
+            """A block for each state."""
             m, n, rows = self.external.size(output), self.external.size(by), self.values.rows
             if (output, by) not in self.external.rules:
                 return casadi.Sparsity(m * rows, n * rows), None
             r, i, j = np.indices((rows, m, n))
             return _pattern(casadi, (m * rows, n * rows), r * m + i, r * n + j)
 
-        def get_n_in(self) -> int:
-            return len(self.values.fields)
-
-        def get_n_out(self) -> int:
-            return len(self.blocks)
-
-        def get_name_in(self, i: int) -> str:
-            own = self.values.get_n_in()
-            return self.values.fields[i] if i < own else f"out_{self.values.fields[i]}"
-
-        def get_name_out(self, i: int) -> str:
-            output, by = [*self.blocks][i]
-            return f"jac_{output}_{by}"
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return self.values.dense(self.values.fields[i])
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return [*self.blocks.values()][i][0]
-
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
-            found = self.external.jacobians(*self.values.given(arguments))
-            return [
-                casadi.DM(sparsity, [] if order is None else found[pair].ravel()[order])
-                for pair, (sparsity, order) in self.blocks.items()
-            ]
+        def numbers(self, arguments: Sequence[Any]) -> dict[Any, Array]:
+            blocks = self.external.jacobians(*self.values.given(arguments))
+            return {("jac", *pair): block for pair, block in blocks.items()}
 
         def has_jacobian(self) -> bool:
-            return bool(self.external.second)
+            return self.external.second
 
-        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
+        def get_jacobian(self, name: str, _inputs: Any, _outputs: Any, options: Any) -> Any:
             self.external.refuse_second()
             self.kept.append(Curvature(self, name, options))
             return self.kept[-1]
 
-    class Curvature(casadi.Callback):  # type: ignore[misc]
-        """The derivatives of each Jacobian of forward dynamics by each argument."""
+    class Curvature(Blocks):
+        """The derivatives of each Jacobian by each argument of these."""
 
         def __init__(self, first: Jacobians, name: str, options: Any) -> None:
             super().__init__()
-            self.first, self.external, self.values = first, first.external, first.values
-            fields = self.values.fields
-            self.blocks = {(b, k): self.block(b, fields[k]) for b in first.blocks for k in
-                           range(len(fields))}
-            self.construct(name, options)
+            self.values, self.external = first.values, first.external
+            outputs = {
+                (*block, *by): self.block(block[1:], by)
+                for block, _ in first.patterns_out
+                for by, _ in first.patterns_in
+            }
+            given = {("out", *key): pattern for key, pattern in first.patterns_out}
+            self.prepare(name, options, dict(first.patterns_in) | given, outputs)
 
-        def block(self, pair: tuple[str, str], by: str) -> tuple[Any, Array | None]:
-            (m, n, p), rows = (self.external.size(x) for x in (*pair, by)), self.values.rows
+        def block(self, pair: tuple[str, ...], by: tuple[str, ...]) -> Pattern:
+            m, n, p = (self.external.size(name) for name in (*pair, by[-1]))
+            rows = self.values.rows
             shape = (m * rows * n * rows, p * rows)
-            if by not in self.external.inputs:
+            if by[-1] not in self.external.inputs:
                 return casadi.Sparsity(*shape), None
             k, r, i, j = np.indices((p, rows, m, n))
             return _pattern(casadi, shape, (r * n + j) * (m * rows) + r * m + i, r * p + k)
 
-        def get_n_in(self) -> int:
-            return int(self.first.n_in() + self.first.n_out())
-
-        def get_n_out(self) -> int:
-            return len(self.blocks)
-
-        def get_sparsity_in(self, i: int) -> Any:
-            n = self.first.n_in()
-            return self.first.sparsity_in(i) if i < n else self.first.sparsity_out(i - n)
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return [*self.blocks.values()][i][0]
-
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+        def numbers(self, arguments: Sequence[Any]) -> dict[Any, Array]:
             given = self.values.given(arguments)
             found: dict[Any, Array] = {}
-            for k, field in enumerate(self.external.inputs):
+            for place, by in enumerate(self.external.inputs):
                 # all directions of this input at all states are one batch
-                size = self.external.size(field)
+                size = self.external.size(by)
                 at = [np.broadcast_to(x, (size, *x.shape)) for x in given]
                 along = [np.zeros_like(x) for x in at]
-                along[k][:] = np.eye(size)[:, None]
+                along[place][:] = np.eye(size)[:, None]
                 for pair, block in self.external.curvature(at, along).items():
-                    found[pair, k] = block
-            return [
-                casadi.DM(sparsity, [] if order is None else found[block].ravel()[order])
-                for block, (sparsity, order) in self.blocks.items()
-            ]
+                    found[("jac", *pair, by)] = block
+            return found
 
-    return Values, Jacobians, Curvature
+    return Values
 
 
-def _pattern(
-    casadi: Any, shape: tuple[int, int], rows: Array, columns: Array
-) -> tuple[Any, Array]:
+def _pattern(casadi: Any, shape: tuple[int, int], rows: Places, columns: Places) -> Pattern:
     """A pattern of these places, and the order in which it holds their numbers."""
     rows, columns = rows.ravel(), columns.ravel()
     order = np.lexsort((rows, columns))

@@ -212,11 +212,13 @@ def _forces(fields: tuple[str, ...], times: Callable[[Any, Array], Array]) -> di
 
 def _to_actuators(answer: Any, forces: Array) -> Array:
     """τ_u of least length with G_uᵀ τ_u nearest to the forces."""
-    return _inverse(answer["G_u"].swapaxes(1, 2)) @ forces
+    shares = _inverse(answer["G_u"].swapaxes(1, 2))
+    return shares @ forces
 
 
 def _unactuated(answer: Any, forces: Array) -> Array:
-    return forces - answer["G_u"].swapaxes(1, 2) @ _to_actuators(answer, forces)
+    given: Array = answer["G_u"].swapaxes(1, 2) @ _to_actuators(answer, forces)
+    return forces - given
 
 
 def _pose(of: External, answer: Any) -> Array:
@@ -275,16 +277,16 @@ OF_ONE_FREEDOM = {("qd", "y"), ("ud", "y")}
 
 def _refuse(inputs: Sequence[str], outputs: Sequence[str]) -> None:
     """Refuse fields without a rule, and outputs that depend on fields which are not given."""
-    if unknown := [name for name in outputs if name not in RULES]:
-        raise QueryError(f"no Jacobians of {', '.join(unknown)}; there are those of {', '.join(RULES)}")
+    by = {name for rules in RULES.values() for name in rules}
+    for names, known, word in ((outputs, RULES, "of"), (inputs, by, "by")):
+        if unknown := ", ".join(name for name in names if name not in known):
+            raise QueryError(
+                f"no Jacobians {word} {unknown}; there are those {word} {', '.join(sorted(known))}"
+            )
     for output in outputs:
-        by = [*RULES[output]]
-        needed = {"y", "yd", "ydd"}.intersection(by)
-        if absent := needed.difference(inputs):
-            raise QueryError(f"`{output}` depends on {', '.join(sorted(absent))}; give it too")
-    known = {name for rules in RULES.values() for name in rules}
-    if unknown := [name for name in inputs if name not in known]:
-        raise QueryError(f"no Jacobians by {', '.join(unknown)}; there are those by {', '.join(known)}")
+        needed = {"y", "yd", "ydd"}.intersection(RULES[output])
+        if absent := ", ".join(sorted(needed.difference(inputs))):
+            raise QueryError(f"`{output}` depends on {absent}; give it too")
 
 
 # --- matrices and quaternions ---------------------------------------------------------------------

@@ -54,30 +54,29 @@ def function(
         told = [jax.ShapeDtypeStruct((*lead, *shape), jax.numpy.float64) for shape in shapes]
         return jax.pure_callback(host, told, inputs, *more, vmap_method="broadcast_all")
 
-    @jax.custom_jvp
-    def values(*inputs: Any) -> Any:
+    def host(*inputs: Any) -> Any:
         return callback(lambda given: external(*given), external.outputs.values(), inputs)
 
-    @jax.custom_jvp
-    def jacobians(*inputs: Any) -> Any:
+    def host_jacobians(*inputs: Any) -> Any:
         found = callback(lambda given: [*external.jacobians(*given).values()], blocks, inputs)
         return dict(zip(external.rules, found, strict=True))
 
-    @values.defjvp
-    def _(inputs: Any, tangents: Any) -> Any:
-        rates = external.times(jacobians(*inputs), tangents, jax.numpy)
-        return values(*inputs), rates
+    def rates(inputs: Any, tangents: Any) -> Any:
+        return values(*inputs), external.times(jacobians(*inputs), tangents, jax.numpy)
 
-    @jacobians.defjvp
-    def _(inputs: Any, tangents: Any) -> Any:
+    def rates_of_jacobians(inputs: Any, tangents: Any) -> Any:
         external.refuse_second()
 
-        def host(given: Any, along: Any) -> Any:
+        def curved(given: Any, along: Any) -> Any:
             found = external.curvature(given, along)
             return [found[pair] for pair in external.rules]
 
-        found = callback(host, blocks, inputs, tangents)
+        found = callback(curved, blocks, inputs, tangents)
         return jacobians(*inputs), dict(zip(external.rules, found, strict=True))
+
+    values, jacobians = jax.custom_jvp(host), jax.custom_jvp(host_jacobians)
+    values.defjvp(rates)
+    jacobians.defjvp(rates_of_jacobians)
 
     def of_arrays(*inputs: Any) -> Any:
         if not jax.config.jax_enable_x64:
@@ -91,7 +90,9 @@ def function(
         for array, (name, shape) in zip(arrays, sizes.items(), strict=True):
             split = array.ndim - len(shape)
             if split < 0 or array.shape[split:] != shape:
-                raise ValueError(f"`{name}` has the shape {array.shape}, expected (…, {shape})")
+                raise ValueError(
+                    f"`{name}` has the shape {array.shape}, expected {shape} at its end"
+                )
             leads.append(array.shape[:split])
         lead = jax.numpy.broadcast_shapes(*leads)
         alike = [

@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from sarrus.external import External
 from sarrus.query import Array, RequestName
 
@@ -109,7 +107,9 @@ def _functions(torch: Any) -> tuple[Any, Any]:
         @staticmethod
         def forward(external: External, *given: Any) -> Any:
             n = len(external.inputs)
-            found = external.transposed_times(external.jacobians(*arrays(given[:n])), arrays(given[n:]))
+            found = external.transposed_times(
+                external.jacobians(*arrays(given[:n])), arrays(given[n:])
+            )
             return tensors(found, given[0])
 
         @staticmethod
