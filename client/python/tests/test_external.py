@@ -102,16 +102,15 @@ class Jacobians(unittest.TestCase):
             self.compare(turned, *MOTION, still, frames=2)
 
     def test_wrenches_and_friction(self):
-        for name in ["lambda", "torso", "stewart_floating"]:
+        for robot in [rubbing(), "torso", "stewart_floating"]:
             want = ["tau_y", "tau_u", "frame_pose"]
-            self.compare(name, *ID, want, frames=1, pushed=2, friction=True)
-            self.compare(name, *FD, ["ydd"], pushed=2)
+            self.compare(robot, *ID, want, frames=1, pushed=2, friction=True)
+            self.compare(robot, *FD, ["ydd"], pushed=2, friction=True)
 
     def test_second_derivatives_are_those_of_first_ones(self):
-        for name in ["lambda", "torso", "stewart"]:
-            robot = sarrus.Robot.bundled(name)
+        for robot in [rubbing(), *map(sarrus.Robot.bundled, ["torso", "stewart"])]:
             # in another order of the inputs than that of the field
-            of = External(robot, FD[0], ["tau_u", "y", "yd"], ["ydd"])
+            of = External(robot, FD[0], ["tau_u", "y", "yd"], ["ydd"], friction=True)
             self.assertTrue(of.second)
             given, along = inputs(robot, of, 3), inputs(robot, of, 3, seed=2)
             second = of.curvature(given, along)
@@ -182,6 +181,14 @@ def braced():
     """The files of the lambda elbow with a second motor, at the elbow itself."""
     urdf, submechanisms, _ = sarrus.Robot.bundled("lambda").origin.contents()
     return urdf, submechanisms.replace(b"active: [ElbowAct]", b"active: [Elbow, ElbowAct]")
+
+
+def rubbing():
+    """The lambda elbow with friction and damping in its joints."""
+    urdf, submechanisms, _ = sarrus.Robot.bundled("lambda").origin.contents()
+    end = b'velocity="10"/></joint>'
+    rough = b'velocity="10"/><dynamics damping="0.3" friction="2.0"/></joint>'
+    return sarrus.Robot.from_text(urdf.replace(end, rough), submechanisms)
 
 
 if __name__ == "__main__":
