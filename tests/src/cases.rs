@@ -10,7 +10,7 @@ use sarrus_models::{Options, Source, load};
 
 use crate::compare::error_by_size;
 use crate::random::{Text, random_robot};
-use crate::reference::ROBOTS;
+use crate::reference::{REDUNDANT, ROBOTS};
 use crate::seed::Seeded;
 
 /// Number of random robots, with seeds from 0.
@@ -64,13 +64,14 @@ impl Case {
         let seed = name
             .bytes()
             .fold(1000_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)));
+        let sizes = compiled.model.sizes();
         Case {
             name: name.into(),
             seed,
             description: loaded.description,
             compiled,
             reach,
-            square: true,
+            square: sizes.n_u == sizes.n_vy,
             rounded: false,
             scale: 0.3,
         }
@@ -167,7 +168,8 @@ impl Case {
 pub fn robots() -> &'static [Case] {
     static ROBOTS_ONCE: OnceLock<Vec<Case>> = OnceLock::new();
     ROBOTS_ONCE.get_or_init(|| {
-        let mut robots: Vec<Case> = ROBOTS.iter().map(|name| Case::bundled(name)).collect();
+        let bundled = ROBOTS.iter().chain(&REDUNDANT);
+        let mut robots: Vec<Case> = bundled.map(|name| Case::bundled(name)).collect();
         // a robot that fails to load fails a test of its own
         robots.extend(
             (0..SEEDS).filter_map(|seed| {

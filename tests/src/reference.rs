@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
 /// The bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 14] = [
+pub const ROBOTS: [&str; 21] = [
     "lambda",
     "parallelogram",
     "torso",
@@ -22,7 +22,17 @@ pub const ROBOTS: [&str; 14] = [
     "squeezer",
     "delta",
     "active_ankle",
+    "g1_ankle",
+    "jansen",
+    "three_rrr",
+    "gripper",
+    "agile_eye",
+    "wheel_leg",
+    "delta_balls",
 ];
+
+/// The others with such answers, but for the reactions of their loops, which are not determinate.
+pub const REDUNDANT: [&str; 1] = ["bennett"];
 
 /// A file of the project's own vectors.
 pub fn vectors(name: &str) -> Value {
