@@ -18,7 +18,7 @@ macro_rules! robots {
     };
 }
 
-static ROBOTS: [Bundled; 24] = robots! {
+static ROBOTS: [Bundled; 25] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
     "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators \
@@ -47,6 +47,7 @@ static ROBOTS: [Bundled; 24] = robots! {
     "agile_eye": "agile eye: spherical 3-RRR with orthogonal axes",
     "wheel_leg": "body on two wheeled legs, each a five-bar with motors at hips and wheel",
     "delta_balls": "delta robot with ball joints at both ends of its rods, which may spin",
+    "cassie_leg": "leg of Cassie: hips, springs, a tarsus on the Achilles rod, a four-bar at the foot",
 };
 
 /// Names of the bundled robots, each with one line about it.

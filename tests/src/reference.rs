@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
 /// The bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 21] = [
+pub const ROBOTS: [&str; 22] = [
     "lambda",
     "parallelogram",
     "torso",
@@ -29,6 +29,7 @@ pub const ROBOTS: [&str; 21] = [
     "agile_eye",
     "wheel_leg",
     "delta_balls",
+    "cassie_leg",
 ];
 
 /// The others with such answers, but for the reactions of their loops, which are not determinate.

@@ -71,7 +71,8 @@ class Robot:
         self.rotors = zeros(len(self.tree), 1)
         for motor in file.get("actuators", []):
             for name in motor["joints"]:
-                self.rotors[self.tree.index(name)] = mpf(ROTORS[motor["model"]])
+                own = [ROTORS[motor["model"]], 1.0] if "model" in motor else [float(motor["rotor_inertia"]), motor["gear_ratio"]]
+                self.rotors[self.tree.index(name)] = mpf(own[0]) * mpf(own[1]) ** 2
         joints = {joint.get("name"): joint for joint in root.findall("joint")}
         # joints that turn as another one does, damping, springs with their rests
         followers = {name: joint.find("mimic") for name, joint in joints.items() if joint.find("mimic") is not None}
@@ -82,7 +83,7 @@ class Robot:
             if joint.find("dynamics") is not None:
                 self.damping[self.tree.index(name)] = mpf(float(joint.find("dynamics").get("damping")))
         for spring in root.findall("gazebo"):
-            terms = [mpf(float(spring.find(f"spring{key}").text)) for key in ("Stiffness", "Reference")]
+            terms = [mpf(float(spring.findtext(f"spring{key}", "0"))) for key in ("Stiffness", "Reference")]
             self.springs[self.tree.index(spring.get("reference"))] = terms
         self.joints = []
         for joint in joints.values():
