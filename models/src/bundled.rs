@@ -47,7 +47,7 @@ static ROBOTS: [Bundled; 25] = robots! {
     "agile_eye": "agile eye: spherical 3-RRR with orthogonal axes",
     "wheel_leg": "body on two wheeled legs, each a five-bar with motors at hips and wheel",
     "delta_balls": "delta robot with ball joints at both ends of its rods, which may spin",
-    "cassie_leg": "leg of Cassie: hips, springs, a tarsus on the Achilles rod, a four-bar at the foot",
+    "cassie_leg": "leg of Cassie: hips, springs, tarsus on the Achilles rod, four-bar at the foot",
 };
 
 /// Names of the bundled robots, each with one line about it.

@@ -5,9 +5,9 @@ use sarrus_tests::compare::assert_close;
 
 use super::*;
 
-/// Where circles about two points meet, on the left of the way from a to b or on the right.
-fn meet([a, r]: [[f64; 2]; 2], [b, s]: [[f64; 2]; 2], side: f64) -> [f64; 2] {
-    let (r, s) = (r[0], s[0]);
+/// Where circles about a and b of radii r and s meet, on the left of the way from a to b or on the
+/// right.
+fn meet((a, r): ([f64; 2], f64), (b, s): ([f64; 2], f64), side: f64) -> [f64; 2] {
     let u = [b[0] - a[0], b[1] - a[1]];
     let square = u[0] * u[0] + u[1] * u[1];
     let along = (square + r * r - s * s) / 2.0;
@@ -18,7 +18,7 @@ fn meet([a, r]: [[f64; 2]; 2], [b, s]: [[f64; 2]; 2], side: f64) -> [f64; 2] {
 
 /// The foot of Jansen's leg at a crank's angle, by five circles.
 fn foot(angle: f64) -> [f64; 2] {
-    let about = |point: [f64; 2], radius: f64| [point, [0.01 * radius, 0.0]];
+    let about = |point: [f64; 2], radius: f64| (point, 0.01 * radius);
     let crank = [0.15 * angle.cos(), 0.15 * angle.sin()];
     let pin = [-0.38, -0.078];
     let top = meet(about(crank, 50.0), about(pin, 41.5), 1.0);
