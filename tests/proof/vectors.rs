@@ -5,7 +5,7 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::compare::{assert_close, largest};
-use sarrus_tests::reference::{REDUNDANT, ROBOTS, cases, digits, numbers, vectors};
+use sarrus_tests::reference::{IDLE, REDUNDANT, ROBOTS, cases, digits, numbers, vectors};
 use sarrus_tests::run::Robot;
 use serde_json::Value;
 
@@ -80,7 +80,7 @@ fn check_case<T: PlanScalar>(
 
 #[test]
 fn every_bundled_robot_agrees_with_an_independent_engine() {
-    for name in ROBOTS.into_iter().chain(REDUNDANT) {
+    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).model);
         let file = vectors(name);
         let names = |key: &str| {
@@ -223,7 +223,7 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
 /// other by as much.
 #[test]
 fn double_double_agrees_with_forty_digits() {
-    for name in ROBOTS.into_iter().chain(REDUNDANT) {
+    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).exact);
         let of_reference = ULPS.iter().any(|(other, _)| *other == name);
         let is_rounded = of_reference && name != "parallelogram" || REDUNDANT.contains(&name);

@@ -119,11 +119,9 @@ class Robot:
 
     def sort(self):
         """The rows that do not follow from others, and the joints that only spin idly: they stay."""
-        K = numpy.array(self.K(matrix([mpf("0.1") * (1 + i % 3) for i in range(len(self.tree))])).tolist(), dtype=float)
+        # at the zero pose, which is closed: elsewhere rows may count that follow from others there
+        K = numpy.array(self.K(zeros(len(self.tree), 1)).tolist(), dtype=float)
         rank = lambda m: numpy.linalg.matrix_rank(m, 1e-9)
-        if len(self.loops) == 1 and len(self.loops[0][6]) == 2:
-            # redundant rows are redundant at closed poses only
-            K = numpy.array(self.K(zeros(len(self.tree), 1)).tolist(), dtype=float)
         d = K[:, self.dep]
         self.dep = [i for k, i in enumerate(self.dep) if rank(numpy.delete(d, k, 1)) < rank(d)]
         d, self.kept = K[:, self.dep], []

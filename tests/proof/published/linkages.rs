@@ -21,8 +21,8 @@ fn foot(angle: f64) -> [f64; 2] {
     let about = |point: [f64; 2], radius: f64| (point, 0.01 * radius);
     let crank = [0.15 * angle.cos(), 0.15 * angle.sin()];
     let pin = [-0.38, -0.078];
-    let top = meet(about(crank, 50.0), about(pin, 41.5), 1.0);
-    let low = meet(about(crank, 61.9), about(pin, 39.3), -1.0);
+    let top = meet(about(crank, 50.0), about(pin, 41.5), -1.0);
+    let low = meet(about(crank, 61.9), about(pin, 39.3), 1.0);
     let back = meet(about(pin, 40.1), about(top, 55.8), 1.0);
     let heel = meet(about(back, 39.4), about(low, 36.7), -1.0);
     meet(about(heel, 65.7), about(low, 49.0), -1.0)
