@@ -56,22 +56,15 @@ impl Log {
 
 /// Names of the columns.
 fn head(configuration: &Configuration) -> String {
-    const PARTS: [&str; 8] = [
-        "position",
-        "velocity",
-        "effort",
-        "commanded_position",
-        "commanded_velocity",
-        "commanded_effort",
-        "state",
-        "reason",
-    ];
+    const PARTS: &str = "position velocity effort commanded_position commanded_velocity \
+                         commanded_effort state reason";
     let cell = |name: String| match name.contains([',', '"', '\n']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),
         false => name,
     };
     let names = configuration.actuators.iter();
-    let columns = names.flat_map(|name| PARTS.map(|part| cell(format!("{name}/{part}"))));
+    let columns =
+        names.flat_map(|name| PARTS.split(' ').map(move |part| cell(format!("{name}/{part}"))));
     std::iter::once("time".to_owned()).chain(columns).collect::<Vec<_>>().join(",")
 }
 

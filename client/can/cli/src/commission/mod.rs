@@ -44,6 +44,8 @@ const UNJUDGED_HELP: &str = "effort not judged: the model needs less than may di
 const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear \
     shows in the effort alone\n";
 
+const HEAD: &str = "actuator | way | followed | effort | model | allowed | pose | result";
+
 type Tried = (Vec<Vec<String>>, bool, bool);
 
 /// Flags of `commission`.
@@ -86,7 +88,7 @@ impl Commission {
         match tried {
             Ok((rows, is_good, is_blind)) => {
                 let mut text = String::new();
-                table(&mut text, &rows);
+                table(&mut text, HEAD, &rows);
                 if is_blind {
                     text += BLIND;
                 }
@@ -140,8 +142,7 @@ impl Commission {
         session.disarm();
         running.end()?;
 
-        let head = ["actuator", "way", "followed", "effort", "model", "allowed", "pose", "result"];
-        let mut rows = vec![head.map(String::from).to_vec()];
+        let mut rows = Vec::new();
         let mut is_good = true;
         for (place, (motor, trial)) in motors.iter().zip(&trials).enumerate() {
             let finding = match trial {
