@@ -20,13 +20,10 @@ pub enum GenerateError {
     Field(Field),
     /// More operations than a compiler takes in reasonable time.
     #[error(
-        "more than {most} operations: compilers take minutes for them; pick joints or frames, or \
+        "more than {0} operations: compilers take minutes for them; pick joints or frames, or \
          ask the generic kernels"
     )]
-    TooLarge {
-        /// The bound.
-        most: usize,
-    },
+    TooLarge(usize),
     /// No state was found that has an answer without warnings.
     #[error(
         "none of {tried} random states has an answer without warnings (the last: {})",
@@ -40,13 +37,10 @@ pub enum GenerateError {
     },
     /// The code would leave every state to the generic kernels.
     #[error(
-        "the code would answer none of {states} states: some quotient or angle is of a zero whose \
+        "the code would answer none of {0} states: some quotient or angle is of a zero whose \
          sign it cannot know; want other fields"
     )]
-    Unserved {
-        /// How many were tried.
-        states: usize,
-    },
+    Unserved(usize),
     /// The kernels did something that is not a straight line.
     #[error("the kernels take a decision by a number that cannot be traced")]
     NotStraight,
@@ -54,11 +48,8 @@ pub enum GenerateError {
     #[error("these lengths do not move the points of the robot along straight lines")]
     Lengths,
     /// The traced code is not the kernel.
-    #[error("traced and generic numbers differ at input {input:?}")]
-    Differs {
-        /// Where.
-        input: Vec<f64>,
-    },
+    #[error("traced and generic numbers differ at input {0:?}")]
+    Differs(Vec<f64>),
 }
 
 /// For the message above.
@@ -93,11 +84,8 @@ pub enum BuildError {
         seconds: u64,
     },
     /// `CC` has a flag that adds code of its own.
-    #[error("CC has {flag}, whose code no other program can load; remove it")]
-    Flag {
-        /// The flag.
-        flag: String,
-    },
+    #[error("CC has {0}, whose code no other program can load; remove it")]
+    Flag(String),
     /// The caller cancelled it.
     #[error("cancelled")]
     Cancelled,

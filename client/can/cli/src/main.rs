@@ -126,6 +126,6 @@ fn ended<E: std::fmt::Display>(command: &str, result: Result<(), E>) -> ExitCode
 fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
     Configuration::load(path).map_err(|error| {
         eprintln!("{error}");
-        ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 })
+        ExitCode::from(if matches!(error, ConfigurationError::Open(..)) { 2 } else { 1 })
     })
 }

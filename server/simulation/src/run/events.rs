@@ -36,25 +36,13 @@ pub enum EventKind {
     },
     /// A step was taken back because the right-hand side had no answer on its way; a shorter one
     /// had.
-    Shortened {
-        /// Why.
-        status: Status,
-    },
+    Shortened(Status),
     /// The simulation ended near a singularity.
-    NearSingular {
-        /// Distance to it.
-        distance: f64,
-    },
+    NearSingular(f64),
     /// An actuator came to its limits.
-    Limited {
-        /// Which.
-        name: String,
-    },
+    Limited(String),
     /// A joint came to its stop.
-    Stopped {
-        /// Which.
-        name: String,
-    },
+    Stopped(String),
     /// The problem is stiff for an explicit method.
     Stiff,
 }
