@@ -6,7 +6,7 @@ use crate::report::Report;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// A file cannot be opened or read.
+    /// A file cannot be opened or read: its name, the system's reason.
     #[error("cannot open {0}: {1}; give the path of a readable file")]
     Open(String, String),
     /// No robot of this name is bundled.

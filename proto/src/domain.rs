@@ -64,7 +64,7 @@ impl Deref for DomainNode {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DomainError {
-    /// The root directory can neither be found nor made.
+    /// The root directory can neither be found nor made: its path, the system's error.
     #[error(
         "{0}: {1}; make the directory writable for this user or name another one in \
          SARRUS_ROOT"
@@ -98,7 +98,7 @@ pub enum DomainError {
          and no `.` first"
     )]
     Name(String),
-    /// The node of this process cannot be made.
+    /// The node of this process cannot be made: the directory, the reason.
     #[error("no node in shared memory under {0}: {1}")]
     Node(PathBuf, String),
 }

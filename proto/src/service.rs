@@ -21,49 +21,49 @@ type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), Com
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
-    /// No server has this name.
+    /// No server has the name of this service.
     #[error(
         "`{0}` is not there: no server runs under this name; start one with `sarrus serve \
          --name NAME`"
     )]
     Absent(String),
-    /// No bridge runs under this name.
+    /// No bridge runs under the name of this service.
     #[error(
         "`{0}` is not there: no bridge runs under this name; start one with `sarrus-can run \
          CONFIG --name NAME`"
     )]
     NoBridge(String),
-    /// Another server has this name.
+    /// Another server has this service.
     #[error("`{0}` is served already; stop the other server or choose another --name")]
     Taken(String),
-    /// A bridge of this name runs.
+    /// A bridge of this name runs: the name, its process.
     #[error(
         "a bridge named `{0}` runs already: {1}; end it, or give this one another name with \
          --name"
     )]
     BridgeRuns(String, String),
-    /// The bridge has its controller.
+    /// The bridge of this name has its controller: the name, the controller's process.
     #[error(
         "the bridge `{0}` has a controller already: {1}; it takes one at a time, so end \
          that one first"
     )]
     HasController(String, String),
-    /// All ports are in use.
+    /// All ports of a service are in use: the service, how many there are.
     #[error(
         "`{0}` has no port left, expected fewer than {1} clients; close some or use \
          another server"
     )]
     Full(String, usize),
-    /// The service was made by another version of sarrus.
+    /// The service was made by another version of sarrus: the service, the expected version.
     #[error(
         "`{0}` has other payloads, expected those of protocol version {1}; use client \
          and server of one version"
     )]
     OtherVersion(String, u32),
-    /// The previous writer died and left the entry locked: the lane is unusable.
+    /// The previous writer of this service died and left the entry locked: the lane is unusable.
     #[error("`{0}` is locked by a process that died; attach again for a fresh lane")]
     Locked(String),
-    /// The shared memory has another fault.
+    /// The shared memory of a service has another fault: the service, the reason.
     #[error("`{0}`: {1}")]
     Memory(String, String),
     /// The name cannot be used.

@@ -14,14 +14,14 @@ use crate::life::Life;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// No server has this name in this domain.
+    /// No server has this name in this domain: the name, the domain's folder.
     #[error(
         "no server named `{0}` runs below {root}; start one with `sarrus serve --name {0}`, or \
          name its folder in SARRUS_ROOT",
         root = .1.display()
     )]
     NoServer(String, PathBuf),
-    /// The server's supervisor has given up.
+    /// The server's supervisor has given up: the server's name, the reason.
     #[error(
         "the server `{0}` was given up by its supervisor: {1}; see to that and start it \
          again"
@@ -37,7 +37,7 @@ pub enum ConnectError {
         /// The state of the server's process and heartbeat.
         life: Life,
     },
-    /// The server's socket cannot be used.
+    /// The server's socket cannot be used: its folder, the system's error.
     #[error(
         "the server's folder {path} cannot be used: {1}; see whose it is, and whether this \
          process may open more files",
@@ -50,7 +50,8 @@ pub enum ConnectError {
     /// A bridge has this name but publishes nothing.
     #[error("the bridge `{0}` tells no state; see whether its process is stopped or has crashed")]
     SilentBridge(String),
-    /// The server speaks another version of the protocol.
+    /// The server speaks this version of the protocol; zero where its payloads are so different
+    /// that it cannot be asked.
     #[error(
         "the server speaks protocol version {0}, expected {PROTOCOL_VERSION}; use client and \
          server of one version"
@@ -96,23 +97,23 @@ pub enum ConnectError {
     /// The server is stopping.
     #[error("the server is stopping; connect again when it is back")]
     ShuttingDown,
-    /// The server's answer makes no sense.
+    /// The server's answer to this request makes no sense.
     #[error(
         "the server's answer {0} makes no sense to this client; use client and server of one \
          version"
     )]
     BadAnswer(&'static str),
-    /// The server failed.
+    /// The server failed, for this reason.
     #[error("the server could not take this client: {0}")]
     Failed(String),
-    /// The shared memory is too full for another client.
+    /// The shared memory, with so many bytes free, is too full for another client.
     #[error(
         "/dev/shm has {} KiB left, too few for another client; remove what is not needed there \
          (`sarrus tidy`) or give it more room",
         .0 / 1024
     )]
     NoSpace(u64),
-    /// This process has too little memory for a connection.
+    /// This process has too little memory for a part of a connection: the part, the system's error.
     #[error(
         "this process has no memory left for {0} of the server: {1}; give it more, \
          `ulimit -v`, or let it hold less"
@@ -131,7 +132,8 @@ pub enum ConnectError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The server is gone and did not come back in time. The next request looks for it again.
+    /// The server is gone and did not come back in time: its name, the waiting time. The next
+    /// request looks for it again.
     #[error(
         "the server `{0}` is gone, waited {s} s for it; start it again, the next request finds \
          it",
@@ -154,7 +156,7 @@ pub enum Error {
     /// The query cannot be planned.
     #[error("{0}")]
     Query(QueryError),
-    /// The server cannot plan the query.
+    /// The server cannot plan the query, for this reason.
     #[error("the server cannot plan this: {0}")]
     NotPlanned(String),
     /// All names in a query that are unknown.

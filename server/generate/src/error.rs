@@ -18,7 +18,7 @@ pub enum GenerateError {
         .0.name()
     )]
     Field(Field),
-    /// More operations than a compiler takes in reasonable time.
+    /// More operations than this, the most that a compiler takes in reasonable time.
     #[error(
         "more than {0} operations: compilers take minutes for them; pick joints or frames, or \
          ask the generic kernels"
@@ -35,7 +35,7 @@ pub enum GenerateError {
         /// How the last one ended.
         last: Status,
     },
-    /// The code would leave every state to the generic kernels.
+    /// The code would leave every one of so many states to the generic kernels.
     #[error(
         "the code would answer none of {0} states: some quotient or angle is of a zero whose \
          sign it cannot know; want other fields"
@@ -47,7 +47,7 @@ pub enum GenerateError {
     /// Lengths that are to be inputs.
     #[error("these lengths do not move the points of the robot along straight lines")]
     Lengths,
-    /// The traced code is not the kernel.
+    /// The traced code is not the kernel at this input.
     #[error("traced and generic numbers differ at input {0:?}")]
     Differs(Vec<f64>),
 }
@@ -83,7 +83,7 @@ pub enum BuildError {
         /// The bound `[s]`.
         seconds: u64,
     },
-    /// `CC` has a flag that adds code of its own.
+    /// `CC` has this flag, and it adds code of its own.
     #[error("CC has {0}, whose code no other program can load; remove it")]
     Flag(String),
     /// The caller cancelled it.

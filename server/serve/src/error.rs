@@ -21,10 +21,10 @@ pub enum ServeError {
     /// Another server runs under this name.
     #[error("a server named `{0}` is running already; stop it or choose another name with --name")]
     NameTaken(String),
-    /// A folder of the server cannot be made or locked.
+    /// A folder of the server cannot be made or locked: its path, the system's error.
     #[error("{path}: {1}; {owner}", path = .0.display(), owner = owner_of(.0))]
     Folder(PathBuf, #[source] io::Error),
-    /// The socket that clients connect to cannot be made.
+    /// The socket that clients connect to cannot be made: its folder, the system's error.
     #[error(
         "no socket in {path}: {1}; see whether the folder can be written, and how many files this \
          process may open, `ulimit -n`",
@@ -37,13 +37,13 @@ pub enum ServeError {
     /// The handler of missing memory cannot be installed.
     #[error("SIGBUS cannot be handled: {0}")]
     Guard(io::Error),
-    /// A generated kernel cannot be used.
+    /// A generated kernel cannot be used, for this reason.
     #[error("--kernel: {0}")]
     Kernel(String),
     /// Recording is impossible.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// More lanes than there can be.
+    /// More lanes than there can be, so many.
     #[error("{0} lanes, expected 0 to {MAX_LANES}; choose fewer with --lanes")]
     TooManyLanes(usize),
     /// The requested placement of threads or memory is impossible.
@@ -52,7 +52,7 @@ pub enum ServeError {
     /// The answering thread cannot be started.
     #[error("the answering thread does not start: {0}; check the limits of this process")]
     Thread(#[source] std::io::Error),
-    /// The answering thread hangs.
+    /// The answering thread hangs since so many seconds.
     #[error(
         "the answering thread hangs: no heartbeat for {0} s, while another thread ran; its \
          processor is taken, or a client has overwritten shared memory"

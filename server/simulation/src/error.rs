@@ -18,10 +18,10 @@ pub enum SimulationError {
         /// The quantity that they stand for.
         names: String,
     },
-    /// A number is NaN or infinite.
+    /// A number is NaN or infinite: the list, its place there from 0.
     #[error("{0}: number {at} is not finite, expected finite numbers", at = .1 + 1)]
     NotFinite(String, usize),
-    /// A quaternion is not of unit length.
+    /// A quaternion is not of unit length: the list, the difference of its length from 1.
     #[error("{0}: a quaternion is {1:e} off unit length, expected one within 1e-6 of it")]
     NotUnit(String, f64),
     /// A time, step or tolerance that is none.
@@ -43,7 +43,7 @@ pub enum SimulationError {
         /// The fault.
         found: &'static str,
     },
-    /// A gain on a joint of several freedoms.
+    /// A gain on this joint of several freedoms.
     #[error(
         "kp is not zero at {0}, expected gains on joints of one freedom; the joint has several"
     )]

@@ -15,13 +15,13 @@ pub enum RecordError {
     /// Another server records to the file.
     #[error("another server records to {}; choose another --record", .0.display())]
     InUse(PathBuf),
-    /// The disk has no room for it.
+    /// The disk has no room for so many bytes of the file.
     #[error(
         "no room for {1} bytes of {file}; free some, or keep less with --record-seconds or --lanes",
         file = .0.display()
     )]
     NoSpace(PathBuf, u64),
-    /// The file cannot be made.
+    /// The file cannot be made: its path, the system's error.
     #[error("cannot record to {file}: {1}; choose another --record", file = .0.display())]
     Make(PathBuf, #[source] io::Error),
     /// The memory between the threads cannot be made.
@@ -42,7 +42,7 @@ pub enum RecordingError {
     /// It is not a recording.
     #[error("it is no recording; give a file that `sarrus serve --record` wrote")]
     Foreign,
-    /// It has another version.
+    /// It has this version, which is another one.
     #[error("it is a recording of format {0}, expected {FORMAT}; use the sarrus that wrote it")]
     Format(u64),
     /// Its first page is damaged.
@@ -56,7 +56,7 @@ pub enum RecordingError {
         /// The size that its header names.
         expected: u64,
     },
-    /// Its segments are all but empty.
+    /// Its segments are all but empty: more than so many bytes hold no record.
     #[error("more than {0} bytes of it hold no record; take another copy of the file")]
     Holes(u64),
     /// The robot in it is damaged.

@@ -35,13 +35,13 @@ pub enum EventKind {
         why: String,
     },
     /// A step was taken back because the right-hand side had no answer on its way; a shorter one
-    /// had.
+    /// had. Holds the status of the one taken back.
     Shortened(Status),
-    /// The simulation ended near a singularity.
+    /// The simulation ended near a singularity, at this distance.
     NearSingular(f64),
-    /// An actuator came to its limits.
+    /// The actuator of this joint came to its limits.
     Limited(String),
-    /// A joint came to its stop.
+    /// The joint of this name came to its stop.
     Stopped(String),
     /// The problem is stiff for an explicit method.
     Stiff,

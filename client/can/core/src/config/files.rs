@@ -11,7 +11,7 @@ use super::configuration::{Configuration, Surroundings};
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigurationError {
-    /// Its file cannot be read.
+    /// Its file cannot be read: its name, the system's reason.
     #[error("cannot open {0}: {1}; give the path of a readable file")]
     Open(String, String),
     /// Its content is faulty: every fault, and the warnings.

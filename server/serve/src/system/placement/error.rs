@@ -40,27 +40,27 @@ pub enum PlacementError {
         /// The processors that the process was started on.
         allowed: String,
     },
-    /// The other threads cannot be moved away.
+    /// The other threads cannot be moved away, for this reason.
     #[error("the threads beside the answering one cannot be moved to other processors: {0}")]
     Others(String),
-    /// The right to a real-time priority is missing.
+    /// The right to a real-time priority is missing: the priority, RLIMIT_RTPRIO.
     #[error(
         "priority {0} under SCHED_FIFO is not permitted: RLIMIT_RTPRIO is {1} and \
          there is no CAP_SYS_NICE; `ulimit -r {0}`, or LimitRTPRIO={0} in the unit, \
          or leave out --priority"
     )]
     PriorityNotPermitted(u8, u64),
-    /// The priority cannot be set for another reason.
+    /// The priority cannot be set for another reason: the priority, the reason.
     #[error("priority {0} under SCHED_FIFO is refused: {1}")]
     Priority(u8, String),
-    /// The right to lock memory is missing.
+    /// The right to lock memory is missing; RLIMIT_MEMLOCK `[byte]`.
     #[error(
         "memory cannot be locked: RLIMIT_MEMLOCK is {0} bytes, expected unlimited, or \
          CAP_IPC_LOCK: under a limit lanes that come later could not be mapped; `ulimit -l \
          unlimited`, or LimitMEMLOCK=infinity in the unit, or leave out --lock-memory"
     )]
     MemoryNotPermitted(u64),
-    /// Memory cannot be locked for another reason.
+    /// Memory cannot be locked for another reason, this one.
     #[error("memory cannot be locked: {0}; leave out --lock-memory or free memory")]
     Memory(String),
 }
