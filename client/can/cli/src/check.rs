@@ -59,10 +59,7 @@ impl Check {
                 }
                 ExitCode::from(1)
             }
-            Err(error) => {
-                eprintln!("sarrus-can check: {error}");
-                ExitCode::from(2)
-            }
+            Err(error) => crate::failed("check", error),
         }
     }
 }

@@ -95,11 +95,8 @@ impl Replay {
         let configuration = crate::configuration(&self.config)?;
         let shown = self.log.display();
         let log = std::fs::File::open(&self.log).map_err(|error| {
-            eprintln!(
-                "sarrus-can {command}: cannot open {shown}: {error}; give the path of a readable \
-                 file"
-            );
-            ExitCode::from(2)
+            let help = "give the path of a readable file";
+            crate::failed(command, format_args!("cannot open {shown}: {error}; {help}"))
         })?;
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
@@ -126,8 +123,7 @@ impl Replay {
                 Ok(ExitCode::SUCCESS)
             }
             Err(Fault::Output(error)) => {
-                eprintln!("sarrus-can {command}: stdout: {error}");
-                Err(ExitCode::from(2))
+                Err(crate::failed(command, format_args!("stdout: {error}")))
             }
             Err(Fault::Input(code, message)) => {
                 eprintln!("{message}");
