@@ -207,7 +207,7 @@ fn a_simulated_motor_gives_no_more_than_it_can_and_friction_balances_the_energy(
     assert!(free.events.is_empty());
     let limited = run(false, true);
     let names: Vec<_> = limited.events.iter().map(|event| &event.kind).collect();
-    assert_eq!(names, [&EventKind::Limited { name: "pivot".into() }]);
+    assert_eq!(names, [&EventKind::Limited("pivot".into())]);
     // a constant force does its work over the way
     let way = |run: &sarrus_simulation::Run| run.last().unwrap().y[0] - 0.1;
     assert!((work(&free) - 9.0 * way(&free)).abs() < 1e-8);
@@ -243,7 +243,7 @@ fn a_joint_bounces_off_its_stop_at_the_time_of_contact_and_loses_energy_there() 
     {
         let stopped = run(Some(1e5), method, step);
         let event = &stopped.events[0];
-        assert_eq!(event.kind, EventKind::Stopped { name: "pivot".into() });
+        assert_eq!(event.kind, EventKind::Stopped("pivot".into()));
         assert!(event.time > before.time && event.time < after.time, "{}", event.time);
         let at = stopped.samples.iter().find(|sample| sample.time == event.time).unwrap();
         assert!((at.y[0] - 0.5).abs() < 1e-8, "{}", at.y[0]);
@@ -273,7 +273,7 @@ fn a_winding_that_is_warm_bears_the_continuous_torque_alone() {
     };
     // a method may also tell that the motion is stiff
     let limited_at = |run: &sarrus_simulation::Run| {
-        let kind = EventKind::Limited { name: "pivot".into() };
+        let kind = EventKind::Limited("pivot".into());
         run.events.iter().find(|event| event.kind == kind).map(|event| event.time)
     };
     // where gravity balances a force

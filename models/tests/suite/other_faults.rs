@@ -100,7 +100,7 @@ fn faults_of_both_files_are_reported_at_once_in_the_order_of_their_positions() {
 fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
     let missing = std::env::temp_dir().join("sarrus-models-no-such-file.urdf");
     let source = Source::Files { urdf: missing.clone(), submechanisms: None };
-    let Err(error @ LoadError::Open { .. }) = load(&source, &Options::default()) else { panic!() };
+    let Err(error @ LoadError::Open(..)) = load(&source, &Options::default()) else { panic!() };
     let expected = format!(
         "cannot open {}: No such file or directory (os error 2); give the path of a readable file",
         missing.display()

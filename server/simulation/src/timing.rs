@@ -175,7 +175,7 @@ impl Timing<'_> {
                 velocity: limits.velocity.unwrap_or(f64::INFINITY),
             })
         });
-        let workspace = Workspace::for_plans(model, [planned.plan()]);
+        let workspace = Workspace::for_plans(model, [&planned.plan]);
         Ok(Timing { model, workspace, planned, joints: joints.collect() })
     }
 

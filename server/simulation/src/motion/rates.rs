@@ -276,8 +276,10 @@ impl<T: PlanScalar> Rates<T> {
             query = query.with_options(QueryOptions::FRICTION);
         }
         let forward = Planned::new(&model, &query)?;
-        let workspace =
-            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Planned::plan));
+        let workspace = Workspace::for_plans(
+            &model,
+            pose.iter().chain([&forward]).map(|planned| &planned.plan),
+        );
         let of = |n: usize| vec![T::ZERO; n];
         Ok(Rates {
             workspace,

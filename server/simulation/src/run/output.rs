@@ -53,10 +53,11 @@ impl Sample {
 }
 
 /// How a simulation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Default, Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum End {
     /// At the end of its time.
+    #[default]
     Finished,
     /// Ahead lies a state without an answer.
     Failed(Status),
@@ -84,7 +85,7 @@ impl End {
 }
 
 /// A simulation that has ended.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
     /// Samples, the first at the start, the last at the last good state.
     pub samples: Vec<Sample>,
@@ -106,20 +107,6 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run that has not begun.
-    pub(crate) fn new(correction: [f64; 2]) -> Run {
-        Run {
-            samples: Vec::new(),
-            events: Vec::new(),
-            counts: Counts::default(),
-            end: End::Finished,
-            time: 0.0,
-            correction,
-            independents: Vec::new(),
-            error_estimate: None,
-        }
-    }
-
     /// Largest change of energy less work, as a share of the largest kinetic or change of potential
     /// energy.
     pub fn drift(&self) -> f64 {

@@ -82,7 +82,7 @@ impl<'a> Simulator<'a> {
             stops,
             t: 0.0,
             x,
-            run: Run::new(start.correction),
+            run: Run { correction: start.correction, ..Run::default() },
             engine,
             declared: setup.declared(),
             contact: None,
@@ -187,7 +187,7 @@ impl<'a> Simulator<'a> {
         }
         let near = self.distance().filter(|near| *near < NEAR && !self.run.end.is_finished());
         if let Some(distance) = near {
-            let kind = EventKind::NearSingular { distance };
+            let kind = EventKind::NearSingular(distance);
             self.run.events.push(Event { time: self.t, kind });
         }
         self.run.counts = self.engine.counts;
@@ -199,7 +199,7 @@ impl<'a> Simulator<'a> {
     /// A step was taken back for want of an answer; one event for each kind of reason in a row.
     fn note_failure(&mut self) {
         let Some(status) = self.engine.last_failure else { return };
-        let kind = EventKind::Shortened { status };
+        let kind = EventKind::Shortened(status);
         if self.run.events.last().is_none_or(|event| event.kind != kind) {
             self.run.events.push(Event { time: self.t, kind });
         }
@@ -222,7 +222,7 @@ impl<'a> Simulator<'a> {
             if touches != [false; 2] {
                 let name = compiled.model.tree_names()[mechanism.stopped(k)].clone();
                 let time = if touches[0] { t } else { self.t };
-                self.run.events.push(Event { time, kind: EventKind::Stopped { name } });
+                self.run.events.push(Event { time, kind: EventKind::Stopped(name) });
                 continue;
             }
             // the root of the cubic through both ends, by bisection
@@ -258,7 +258,7 @@ impl<'a> Simulator<'a> {
         mechanism.forces(model, at, state, &mut tau_q, |u, _, is_cut| now[u] = is_cut);
         for (u, name) in model.active_names().iter().enumerate() {
             if now[u] && !self.cut[u] {
-                let kind = EventKind::Limited { name: name.clone() };
+                let kind = EventKind::Limited(name.clone());
                 self.run.events.push(Event { time: self.t, kind });
             }
         }

@@ -55,7 +55,7 @@ impl Watch {
             model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
-        let workspace = Workspace::for_plans(model, [planned.plan()]);
+        let workspace = Workspace::for_plans(model, [&planned.plan]);
         let cheap = model.sizes().n_v <= CHEAP;
         let infinite = f64::INFINITY;
         Ok(Some(Watch {

@@ -28,7 +28,7 @@ pub(super) fn run(
     let n_q = form.mechanism.sizes.n_q;
     let n_v = form.mechanism.sizes.n_v;
     let declared = setup.declared();
-    let mut run = Run::new(correction);
+    let mut run = Run { correction, ..Run::default() };
     let mut t = 0.0;
     let mut sample = |form: &mut Form<'_>, run: &mut Run, t: f64, x: &[f64]| {
         let state = [&x[..n_q], &x[n_q..n_q + n_v]];
@@ -88,7 +88,7 @@ fn closed(
     planned.give(Y, &checked.y);
     planned.give(Yd, &checked.yd);
     planned.give(QGuess, &checked.guess);
-    let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
+    let status = planned.run(model, &mut Workspace::for_plans(model, [&planned.plan])).status;
     if status != Status::Ok {
         return Err(SimulationError::Start { status, detail: 0.0 });
     }

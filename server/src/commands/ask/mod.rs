@@ -115,7 +115,7 @@ impl Ask {
             Some(name) => Engine::connect(name).map_err(Failure::start)?,
             None => Engine::new(Robot::from_model(self.robot.load_and_warn()?.compiled)),
         };
-        let model = engine.robot().model().clone();
+        let model = engine.robot.model().clone();
         let code = Session { request, tolerances, model, engine }.run(self.batch.get())?;
         Ok(Results { text: String::new(), code })
     }
@@ -193,7 +193,7 @@ impl Session {
                 }
             }
         }
-        Ok(if self.engine.was_lost() { 2 } else { u8::from(!every_line_good) })
+        Ok(if self.engine.was_lost { 2 } else { u8::from(!every_line_good) })
     }
 
     /// Reads a line.

@@ -193,12 +193,12 @@ fn words(kind: &EventKind) -> String {
         EventKind::NotSwitched { to, why } => {
             format!("the independents {} would be better, but {why}", to.join(", "))
         }
-        EventKind::Shortened { status } => format!("a step was shortened: {status} on its way"),
-        EventKind::NearSingular { distance } => {
+        EventKind::Shortened(status) => format!("a step was shortened: {status} on its way"),
+        EventKind::NearSingular(distance) => {
             format!("ended near a singularity (distance {distance:.2e})")
         }
-        EventKind::Limited { name } => format!("{name} gives what its limits allow"),
-        EventKind::Stopped { name } => format!("{name} came to its stop"),
+        EventKind::Limited(name) => format!("{name} gives what its limits allow"),
+        EventKind::Stopped(name) => format!("{name} came to its stop"),
         EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
         other => format!("{other:?}"),
     }
