@@ -171,15 +171,15 @@ fn level(query: &Query, request: Request, moving: bool, accelerated: bool) -> Le
     let reads_jacobian = dynamics
         || derivatives
         || matches!(request, Request::Map | Request::InverseKinematics)
-        || moving && want.has_any(&VELOCITIES)
         || want.iter().any(Field::is_of_motors)
         || accelerated
         || want.has_any(&LOOP_JACOBIANS)
         || query.given.has_any(&[U, Ud, Udd]);
     match (moving, reads_jacobian) {
         (true, _) if reads_bias => Level::Acceleration,
-        (true, true) => Level::Velocity,
+        // limits of given velocities are those of all joints, be they read or not
+        (true, _) => Level::Velocity,
         (false, true) => Level::Jacobian,
-        (_, false) => Level::Position,
+        (false, false) => Level::Position,
     }
 }
