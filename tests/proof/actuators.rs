@@ -1,7 +1,7 @@
 //! Actuators of model files: published motors, limits over speed, friction, stops, and simulations
 //! with them.
 
-use sarrus_dynamics::description::Friction;
+use sarrus_dynamics::description::{Friction, Motor};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Field, Model, QueryOptions, Request, Warnings};
 use sarrus_models::{CheckReport, Options, Source, load};
@@ -518,4 +518,98 @@ fn speeds_are_compared_with_their_limits_whether_the_answer_holds_them_or_not() 
             assert_eq!(found[1], speed > 1.0, "{name} {speed}");
         }
     }
+}
+
+#[test]
+fn energy_stays_where_it_is_in_closed_mechanisms_whose_motors_stand_behind_springs() {
+    for (name, y, yd) in [
+        ("lambda", vec![0.4], vec![0.3]),
+        ("torso", vec![0.1, -0.05], vec![0.4, 0.6]),
+        ("four_bars_2", vec![0.3], vec![1.0]),
+    ] {
+        let loaded = load(&Source::Bundled(name.to_owned()), &Options::default()).unwrap();
+        let active = loaded.compiled.model.active_names().to_vec();
+        // rotors about as heavy as the robot, whose springs have the same frequency
+        let with = |stiffness: f64| {
+            let mut description = loaded.description.clone();
+            for joint in description.joints.iter_mut().filter(|of| active.contains(&of.name)) {
+                joint.terms.damping = 0.0;
+                joint.terms.rotor_inertia = 0.5;
+                joint.motor = Some(Motor {
+                    continuous: f64::INFINITY,
+                    thermal_time: f64::INFINITY,
+                    series_stiffness: stiffness,
+                    driving: Vec::new(),
+                    braking: Vec::new(),
+                    power: f64::INFINITY,
+                    efficiency: [1.0; 2],
+                });
+            }
+            let compiled = Model::compile(&description).unwrap();
+            let inputs = [Input {
+                space: Space::Actuator,
+                source: Force::Gains {
+                    stiffness: vec![40.0; active.len()],
+                    damping: vec![1.0; active.len()],
+                    target: vec![0.01; active.len()],
+                },
+            }];
+            let setup = Setup {
+                description: &description,
+                compiled: &compiled,
+                springs: &[],
+                inputs: &inputs,
+            };
+            let usual = Settings::new(Method::Radau5, 0.3);
+            let settings = Settings { rtol: 1e-11, atol: 1e-12, ..usual };
+            let start = Start::Independent { y: y.clone(), yd: yd.clone(), guess: None };
+            let run = simulate(&setup, &start, &settings, &mut |_| {}).unwrap();
+            assert!(run.end.is_finished(), "{name}: {:?}", run.end);
+            assert!(run.drift() < 1e-7, "{name}, {stiffness}: {:e}", run.drift());
+            run
+        };
+        let soft = with(200.0);
+        assert_eq!(soft.elastic, active, "{name}");
+        assert_eq!(soft.last().unwrap().theta.len(), active.len());
+        let rigid = with(f64::INFINITY);
+        let off = [1e4, 1e5, 1e6].map(|stiffness| {
+            let run = with(stiffness);
+            let ends = [&run, &rigid].map(|run| &run.last().unwrap().y);
+            ends[0].iter().zip(ends[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        });
+        // of the first order in 1 / k, at any phase of the vibration
+        println!("{name}: soft {:?}, off {off:?}", soft.last().unwrap().y);
+        assert!(off[1] < 0.3 * off[0] && off[2] < 0.3 * off[1], "{name}: {off:?}");
+    }
+}
+
+#[test]
+fn a_motor_behind_a_spring_is_limited_at_its_own_speed() {
+    // no joint turns as fast as the rotor, whose spring is soft
+    let text = "  torque_speed: [[0, 4], [6, 0]]\n  rotor_inertia: 2e-4\n  gear_ratio: 10\n  \
+                series_stiffness: 0.5\n";
+    let loaded = driven(text);
+    let inputs = [Input { space: Space::Actuator, source: Force::Constant(vec![9.0]) }];
+    let setup = Setup {
+        description: &loaded.description,
+        compiled: &loaded.compiled,
+        springs: &[],
+        inputs: &inputs,
+    };
+    let usual = Settings::new(Method::Dop853, 0.4);
+    let settings = Settings { limited: true, rtol: 1e-10, atol: 1e-10, ..usual };
+    let start = Start::Independent { y: vec![0.0], yd: vec![0.0], guess: None };
+    let run = simulate(&setup, &start, &settings, &mut |_| {}).unwrap();
+    // J θ̈ = 4 (1 − θ̇ / 6) − k θ while the pendulum hardly moves
+    let mut theta = 0.0;
+    let mut speed = 0.0;
+    let h = 1e-6;
+    assert!(run.samples.iter().all(|sample| sample.y[0].abs() < 0.2));
+    for _ in 0..400_000 {
+        speed += h * (4.0 * (1.0 - speed / 6.0) - 0.5 * theta) / 0.02;
+        theta += h * speed;
+    }
+    let last = run.last().unwrap();
+    assert!((last.theta[0] - theta).abs() < 0.03 * theta, "{} {theta}", last.theta[0]);
+    assert!(run.drift() < 1e-7, "{:e}", run.drift());
 }
