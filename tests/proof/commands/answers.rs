@@ -378,11 +378,12 @@ fn steps_of_tasks_have_their_motion_and_name_their_limits() {
 fn lines_that_cannot_be_answered_name_their_own_fault() {
     let task = r#""tasks":[{"frame":"Elbow_Link","TASK":[0,0,0,0,0,0]}]"#;
     let [twist, acc] = ["twist", "acc"].map(|name| task.replace("TASK", name));
-    let still = r#""contacts":["ElbowAct_Link","Elbow_Link","LowerArm_Link"]"#;
+    let still = r#""contacts":["ElbowAct_Link","Elbow_Link"]"#;
     for (request, line, words) in [
         ("diff-ik", format!(r#"{{"y":[0.3],"dt":0,{twist}}}"#), "dt is 0"),
         ("step", format!(r#"{{"y":[0.3],"dt":0.0,{acc}}}"#), "dt is 0"),
         ("step", r#"{"y":[0.3],"dt":0.1,"tasks":[]}"#.to_owned(), "one or more"),
+        ("step", r#"{"y":[0.3],"dt":0.1,"frames":[]}"#.to_owned(), "no part of a step"),
         ("ik", r#"{"tasks":[]}"#.to_owned(), "one or more"),
         ("inverse-dynamics", r#"{"y":[0.3],"yd":[1e308]}"#.to_owned(), "so large"),
         ("step", format!(r#"{{"y":[0.3],"yd":[0.5],"dt":0.1,{still}}}"#), "no limit"),

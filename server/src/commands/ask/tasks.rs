@@ -79,6 +79,10 @@ impl Reader<'_> {
                 false => Err(root.fault("contacts belong to a step of a motion".to_owned())),
             };
         }
+        if self.frames.is_some() {
+            let words = "frames are no part of a step; each task names its own".to_owned();
+            return Err(root.fault(words));
+        }
         let mut given = self.given.iter();
         if let Some(dt) = given.find(|given| given.field == Field::Dt && given.numbers == [0.0]) {
             let words = "dt is 0, expected the time of a step, above 0".to_owned();
