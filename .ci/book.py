@@ -30,6 +30,7 @@ CHAPTERS = [
     ("- Closed forms", f"{GUIDE}/closures.md"),
     ("- Derivatives", f"{GUIDE}/derivatives.md"),
     ("- Parameters", f"{GUIDE}/parameters.md"),
+    ("- Motors", f"{GUIDE}/motors.md"),
     ("- Bibliography", f"{GUIDE}/bibliography.md"),
     ("Fields of requests", "fields.md"),
     ("Programming interfaces", "interfaces.md"),

@@ -39,7 +39,7 @@ struct Limited {
     description: Description,
     effort: Vec<f64>,
     velocity: Vec<f64>,
-    /// The tree velocities of up to three independents of a mechanism, and their places in y.
+    /// The tree velocities of up to four independents of a mechanism, and their places in y.
     picks: Vec<(Vec<u16>, Vec<usize>)>,
 }
 
@@ -63,7 +63,7 @@ fn limited(case: &Case) -> Limited {
     }
     let model = Model::compile(&description).unwrap().model;
     let place = |names: &[String], name: &String| names.iter().position(|x| x == name);
-    let picks = description
+    let mut picks = description
         .submechanisms
         .iter()
         .map(|group| {
@@ -73,7 +73,7 @@ fn limited(case: &Case) -> Limited {
                     let v = place(model.tree_names(), name)?;
                     Some((v as u16, place(model.independent_names(), name)?))
                 })
-                .take(3)
+                .take(4)
                 .unzip();
             // rows come in the order of y
             v.sort_unstable();
@@ -81,7 +81,16 @@ fn limited(case: &Case) -> Limited {
             (v, k)
         })
         .filter(|(v, _): &(Vec<u16>, Vec<usize>)| !v.is_empty())
-        .collect();
+        .collect::<Vec<_>>();
+    // up to four of two mechanisms or more
+    let two = |(v, k): &(Vec<u16>, Vec<usize>)| v.iter().copied().zip(k.clone()).take(2).collect();
+    let mixed = picks.iter().flat_map(|pick| -> Vec<(u16, usize)> { two(pick) }).take(4);
+    let (mut v, mut k): (Vec<u16>, Vec<usize>) = mixed.unzip();
+    v.sort_unstable();
+    k.sort_unstable();
+    if v.len() > 2 && !picks.contains(&(v.clone(), k.clone())) {
+        picks.push((v, k));
+    }
     Limited { robot: Robot::new(model), description, effort, velocity, picks }
 }
 
@@ -117,6 +126,7 @@ fn images(G_u: &[f64], n_vy: usize, limits: &[f64], picked: &[usize]) -> Vec<Vec
 #[test]
 fn sets_of_forces_are_those_of_every_choice_of_limits() {
     let mut sets = 0;
+    let mut of_size = [0; 5];
     for case in robots() {
         let mut own = limited(case);
         let state = case.state::<f64>(0);
@@ -167,10 +177,11 @@ fn sets_of_forces_are_those_of_every_choice_of_limits() {
                 }
             }
             sets += 1;
+            of_size[p] += 1;
         }
     }
-    println!("{sets} sets");
-    assert!(sets > 30, "{sets}");
+    println!("{sets} sets, by their coordinates {of_size:?}");
+    assert!(sets > 30 && of_size[3] > 3 && of_size[4] > 3, "{sets} {of_size:?}");
 }
 
 #[test]

@@ -280,7 +280,7 @@ fn a_check_report_holds_names_orders_and_closures() {
     let length = r#"{"cut":"slide","link":"base","from":"elbow","to":"swing","length":0.1}"#;
     assert!(dimensions.contains(range) && dimensions.contains(length), "{dimensions}");
     let expected = format!(
-        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes},"parts":[{{"method":"dyad","rows":2,"joints":["swing","slide"]}}]}}],"bound":{{"steps":{steps},"ns":{ns:?}}},"dimensions":{dimensions},"warnings":[],"errors":[]}}"#
+        r#"{{"robot":"lambda","fingerprint":"{fingerprint}","tree":["elbow","swing","slide"],"tree_q":["elbow","swing","slide"],"independent":["elbow"],"active":["slide"],"loops":["slide/y","slide/z"],"closures":[{{"name":"elbow_joint","type":"NUMERICAL","kind":"numerical","rows":2,"rank":2,"misfit":0.0,"redundant":[],"idle":[],"branch":[-1.0],"sigma_min":{sigma:?},"cond_Kd":{cond:?},"singular":"","seed_cells":{cells},"seed_bytes":{bytes},"parts":[{{"method":"dyad","rows":2,"joints":["swing","slide"]}}]}}],"bound":{{"steps":{steps},"ns":{ns:?}}},"actuators":[],"dimensions":{dimensions},"warnings":[],"errors":[]}}"#
     );
     assert_eq!(json, expected);
 

@@ -20,7 +20,10 @@ pub struct Sample {
     pub q: Vec<f64>,
     /// Tree velocities (n_v).
     pub qd: Vec<f64>,
-    /// Energies, those of springs between links among them, and the loops' residual.
+    /// Position of each elastic motor in the coordinate of its joint.
+    pub theta: Vec<f64>,
+    /// Energies, those of springs between links and in actuators among them, and the loops'
+    /// residual.
     pub energy: Energy,
     /// Work of inputs less losses of dampers since the start `[J]`.
     pub work: f64,
@@ -41,6 +44,7 @@ impl Sample {
             yd: pick(qd, yd),
             q: q.to_vec(),
             qd: qd.to_vec(),
+            theta: Vec::new(),
             energy: Energy::default(),
             work: work.copied().unwrap_or(0.0),
         }
@@ -102,6 +106,8 @@ pub struct Run {
     pub correction: [f64; 2],
     /// Names of the independents at the end.
     pub independents: Vec<String>,
+    /// Actuators with a spring between motor and joint.
+    pub elastic: Vec<String>,
     /// Estimate of the largest error of y and of ẏ at the end, where it was asked for.
     pub error_estimate: Option<[f64; 2]>,
 }

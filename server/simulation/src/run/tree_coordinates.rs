@@ -8,6 +8,7 @@ use super::setup::Setup;
 use super::start::Start;
 use crate::error::SimulationError;
 use crate::methods::implicit_form::Form;
+use crate::motion::elastic;
 use crate::motion::energy::Meter;
 use crate::motion::rates::Mechanism;
 use crate::planned::Planned;
@@ -22,6 +23,13 @@ pub(super) fn run(
 ) -> Result<Run, SimulationError> {
     let model = &setup.compiled.model;
     let (springs, inputs) = setup.checked()?;
+    if !elastic::rotors(model, setup.description).1.is_empty() {
+        return Err(SimulationError::Setting {
+            what: "springs between motors and joints in a method for comparison",
+            found: 1.0,
+            expected: "another method",
+        });
+    }
     let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
     let (mut x, correction) = closed(model, &form.mechanism, start)?;
     let mut meter = Meter::new(model, setup.description)?;
