@@ -30,6 +30,7 @@ CHAPTERS = [
     ("- Closed forms", f"{GUIDE}/closures.md"),
     ("- Derivatives", f"{GUIDE}/derivatives.md"),
     ("- Parameters", f"{GUIDE}/parameters.md"),
+    ("- Motors", f"{GUIDE}/motors.md"),
     ("- Bibliography", f"{GUIDE}/bibliography.md"),
     ("Fields of requests", "fields.md"),
     ("Programming interfaces", "interfaces.md"),
@@ -97,17 +98,17 @@ def robots():
 
 
 def fields():
-    """The table of `proto/src/fields.rs`, with the names of `proto/src/field.rs`."""
-    names = dict(re.findall(r'^ {8}(\w+) = \d+, "(\w+)";', read("proto/src/field.rs"), re.M))
-    row = re.compile(r'^ {4}(\w+) "([^"]*)" "([^"]*)"\s+"([^"]*)";', re.M)
-    found = row.findall(read("proto/src/fields.rs"))
-    assert len(found) == len(names), (len(found), len(names))
+    """The table of `proto/src/fields.rs`."""
+    table = read("proto/src/fields.rs")
+    row = re.compile(r'^ {4}\w+ = \d+, "(\w+)", "([^"]*)", "([^"]*)",\s+"([^"]*)";', re.M)
+    found = row.findall(table)
+    assert len(found) == len(re.findall(r"^ {4}\w+ = \d+, ", table, re.M)), len(found)
     text = "# Fields of requests\n\nBlocks of numbers that requests give and answers hold, by the\n"
     text += "names that `sarrus ask` and all clients use. Symbols are those of [notation]"
     text += f"({GUIDE}/notation.md).\n\n" + cells("field", "shape", "unit", "meaning")
     text += cells(*["---"] * 4)
     for name, shape, unit, meaning in found:
-        text += cells(f"`{names[name]}`", shape, unit, meaning)
+        text += cells(f"`{name}`", shape, unit, meaning)
     return text
 
 

@@ -63,7 +63,7 @@ fn twenty_motors() -> Outcome<Configuration> {
     }
     let surroundings = Surroundings {
         file: &|_| Err("absent".into()),
-        robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+        robot: &|_| Err(LoadError::Open("robot".into(), "absent".into())),
     };
     let read = Configuration::read("motors.yml", text.into_bytes(), &surroundings);
     Ok(read.map_err(|report| report.to_string())?)

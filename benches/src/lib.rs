@@ -5,6 +5,7 @@
 //!   ratios hold on a shared machine; each time with the error of the same answers against
 //!   double-double.
 //! - Forward dynamics by each method beside the predictions of the cost model (`forward.rs`).
+//! - Requests in task space (`tasks.rs`).
 //! - Many states at once, compared with one by one (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).
@@ -29,8 +30,10 @@ mod forward;
 mod in_process;
 pub mod printed;
 pub mod table;
+mod tasks;
 
 pub use self::batches::run as batches;
 pub use self::count::run as count;
 pub use self::forward::run as forward;
 pub use self::in_process::{Options, run as in_process};
+pub use self::tasks::run as tasks;

@@ -34,6 +34,9 @@ struct Flags {
     /// Forward dynamics by each method, predicted beside measured, and end.
     #[arg(long)]
     forward: bool,
+    /// Searches and steps in task space, and end.
+    #[arg(long)]
+    tasks: bool,
 }
 
 fn main() -> ExitCode {
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
         Flags { count: Some(count), .. } => sarrus_benches::count(&count),
         Flags { batches: true, only, .. } => sarrus_benches::batches(&only),
         Flags { forward: true, .. } => sarrus_benches::forward(),
+        Flags { tasks: true, .. } => sarrus_benches::tasks(),
         Flags { quick, only, format, out, list, .. } => {
             sarrus_benches::in_process(&Options { quick, only, format, out, list })
         }

@@ -28,7 +28,7 @@ const KEYS: &[&str] = &[
 /// Keys that no request reads, and where they count.
 const KEPT: &[(&str, &str)] = &[
     ("thermal_time", "`simulate --limits` alone reads it"),
-    ("series_stiffness", "nothing reads it: motor and joint move as one"),
+    ("series_stiffness", "`simulate` alone reads it: elsewhere motor and joint move as one"),
 ];
 const FRICTION: &[&str] = &["coulomb", "viscous", "speed"];
 

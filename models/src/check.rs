@@ -1,6 +1,6 @@
 //! The report of `check` about a robot.
 
-use sarrus_dynamics::description::Submechanism;
+use sarrus_dynamics::description::{Joint, Submechanism, Terms};
 use sarrus_dynamics::{Bound, ClosureInfo, ModelInfo, Part};
 use serde::Serialize;
 use serde::ser::{SerializeStruct, Serializer};
@@ -27,6 +27,8 @@ pub struct CheckReport {
     pub closures: Vec<ClosureReport>,
     /// The bound on the work of a request.
     pub bound: Option<Bound>,
+    /// The motors that `actuators:` describes.
+    pub actuators: Vec<ActuatorReport>,
     /// Dimensions that follow from the files.
     pub dimensions: Option<Dimensions>,
     /// Warnings.
@@ -35,6 +37,47 @@ pub struct CheckReport {
     pub errors: Vec<Diagnostic>,
     /// The result of an assembly, if requested.
     pub assembled: Option<AssemblyReport>,
+}
+
+/// A motor at its joint by the keys of `actuators:`; `null` where nothing limits it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+#[allow(missing_docs)]
+pub struct ActuatorReport {
+    pub joint: String,
+    pub peak_torque: Option<f64>,
+    pub continuous_torque: Option<f64>,
+    pub thermal_time: Option<f64>,
+    pub series_stiffness: Option<f64>,
+    pub max_speed: Option<f64>,
+    pub torque_speed: Vec<[f64; 2]>,
+    pub braking_torque_speed: Vec<[f64; 2]>,
+    pub power: Option<f64>,
+    pub rotor_inertia: f64,
+    pub gear_ratio: f64,
+    pub efficiency: [f64; 2],
+}
+
+impl ActuatorReport {
+    fn of(joint: &Joint) -> Option<ActuatorReport> {
+        let motor = joint.motor.as_ref()?;
+        let of = |limit: f64| limit.is_finite().then_some(limit);
+        let Terms { rotor_inertia, gear_ratio, .. } = joint.terms;
+        Some(ActuatorReport {
+            joint: joint.name.clone(),
+            peak_torque: joint.limits.and_then(|limits| of(limits.effort)),
+            continuous_torque: of(motor.continuous),
+            thermal_time: of(motor.thermal_time),
+            series_stiffness: of(motor.series_stiffness),
+            max_speed: joint.limits.and_then(|limits| of(limits.velocity)),
+            torque_speed: motor.driving.clone(),
+            braking_torque_speed: motor.braking.clone(),
+            power: of(motor.power),
+            rotor_inertia,
+            gear_ratio,
+            efficiency: motor.efficiency,
+        })
+    }
 }
 
 /// How a submechanism is closed, and its closure at the zero pose.
@@ -64,9 +107,9 @@ pub struct ClosureReport {
 impl Serialize for CheckReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let CheckReport { robot, fingerprint, model, closures, bound, dimensions, .. } = self;
-        let CheckReport { warnings, errors, assembled, .. } = self;
+        let CheckReport { warnings, errors, assembled, actuators, .. } = self;
         let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
-        let n = 12 + usize::from(assembled.is_some());
+        let n = 13 + usize::from(assembled.is_some());
         let mut object = serializer.serialize_struct("CheckReport", n)?;
         object.serialize_field("robot", robot)?;
         object.serialize_field("fingerprint", fingerprint)?;
@@ -77,6 +120,7 @@ impl Serialize for CheckReport {
         object.serialize_field("loops", names(|model| &model.loops))?;
         object.serialize_field("closures", closures)?;
         object.serialize_field("bound", &bound.map(BoundReport::from))?;
+        object.serialize_field("actuators", actuators)?;
         object.serialize_field("dimensions", dimensions)?;
         object.serialize_field("warnings", warnings)?;
         object.serialize_field("errors", errors)?;
@@ -195,6 +239,7 @@ impl CheckReport {
             model: Some(model.info().clone()),
             closures: closures.collect(),
             bound: Some(model.bound()),
+            actuators: description.joints.iter().filter_map(ActuatorReport::of).collect(),
             dimensions: Some(dimensions),
             ..CheckReport::of_diagnostics(&report)
         }

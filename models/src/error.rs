@@ -6,14 +6,9 @@ use crate::report::Report;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// A file cannot be opened or read.
-    #[error("cannot open {file}: {reason}; give the path of a readable file")]
-    Open {
-        /// The file as the user named it.
-        file: String,
-        /// The message of the operating system.
-        reason: String,
-    },
+    /// A file cannot be opened or read: its name, the system's reason.
+    #[error("cannot open {0}: {1}; give the path of a readable file")]
+    Open(String, String),
     /// No robot of this name is bundled.
     #[error(
         "there is no bundled robot `{name}`; expected one of {known}{}",

@@ -1,5 +1,5 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains sixteen
+//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains 25
 //! bundled robots.
 //!
 //! ```
@@ -101,7 +101,7 @@ pub use actuators::{PUBLISHED, Published};
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use base::Base;
 pub use bundled::{bundled, bundled_text};
-pub use check::{CheckReport, ClosureReport};
+pub use check::{ActuatorReport, CheckReport, ClosureReport};
 pub use dimensions::{Density, Dimensions, Length, Range};
 pub use error::LoadError;
 pub use export::{Exported, Target, as_tree, export};

@@ -105,7 +105,7 @@ impl Loaded {
         robot: Option<String>,
         diagnostics: Diagnostics,
     ) -> Result<Loaded, LoadError> {
-        let files = diagnostics.files().to_vec();
+        let files = diagnostics.files.clone();
         let report = Report { robot, ..diagnostics.into_report() };
         match loaded {
             Some((description, spans, compiled)) if report.errors.is_empty() => {

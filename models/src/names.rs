@@ -1,5 +1,7 @@
 //! Names in messages: quoted, and the known name that a misspelt one most likely means.
 
+use strsim::osa_distance;
+
 /// Longest name that is compared, and most names that are compared with one: a hostile file must
 /// not cost seconds.
 const LONGEST: usize = 64;
@@ -19,33 +21,30 @@ pub fn quoted(name: &str) -> String {
 
 /// A text for a message, on one line: control characters made visible.
 pub(crate) fn visible(text: &str) -> String {
-    let mut shown = String::with_capacity(text.len());
-    for character in text.chars() {
-        if character.is_control() {
-            shown.extend(character.escape_default());
-        } else {
-            shown.push(character);
-        }
-    }
-    shown
+    let shown = |c: char| match c.is_control() {
+        true => c.escape_default().to_string(),
+        false => c.to_string(),
+    };
+    text.chars().map(shown).collect()
 }
 
 /// The known name with the least edit distance to `name`, letter case ignored; `None` if none is
 /// close.
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let count = |text: &str| text.chars().count();
     let letters = folded(name)?;
     let mut best: Option<((usize, bool), &str)> = None;
     for candidate in known.into_iter().take(MOST) {
         // a third of the letters may differ
-        let most = best.map_or(letters.len().max(3) / 3, |((distance, _), _)| distance);
+        let most = best.map_or(count(&letters).max(3) / 3, |((distance, _), _)| distance);
         let Some(other) = folded(candidate) else { continue };
         // a subscript that is missing counts as one letter, and less than another letter
-        let rest = other.strip_prefix(&letters[..]);
-        let goes_on = rest.is_some_and(|rest| rest.first() == Some(&'_'));
-        if !goes_on && letters.len().abs_diff(other.len()) > most {
+        let rest = other.strip_prefix(&letters);
+        let goes_on = rest.is_some_and(|rest| rest.starts_with('_'));
+        if !goes_on && count(&letters).abs_diff(count(&other)) > most {
             continue;
         }
-        let distance = if goes_on { 1 } else { edit_distance(&letters, &other) };
+        let distance = if goes_on { 1 } else { osa_distance(&letters, &other) };
         let rank = (distance, !goes_on);
         if distance <= most && best.is_none_or(|(least, _)| rank < least) {
             best = Some((rank, candidate));
@@ -68,7 +67,7 @@ pub fn nearest_first<'a>(
 ) -> String {
     let letters = folded(name).unwrap_or_default();
     let far =
-        |other: &str| folded(other).map_or(usize::MAX, |other| edit_distance(&letters, &other));
+        |other: &str| folded(other).map_or(usize::MAX, |other| osa_distance(&letters, &other));
     let mut names: Vec<&str> = known.into_iter().collect();
     if names.len() <= MOST {
         names.sort_by_cached_key(|other| far(other));
@@ -101,28 +100,8 @@ pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>, most: usize) 
 }
 
 /// Lower-case letters of a name that is short enough to compare.
-fn folded(name: &str) -> Option<Vec<char>> {
+fn folded(name: &str) -> Option<String> {
     (name.len() <= LONGEST).then(|| name.chars().flat_map(char::to_lowercase).collect())
-}
-
-/// Least number of insertions, deletions, replacements and swaps of neighbours that turn `a` into
-/// `b`.
-fn edit_distance(a: &[char], b: &[char]) -> usize {
-    let mut before: Vec<usize> = vec![0; b.len() + 1];
-    let mut last: Vec<usize> = (0..=b.len()).collect();
-    for i in 1..=a.len() {
-        let mut row = vec![i; b.len() + 1];
-        for j in 1..=b.len() {
-            let replaced = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            row[j] = replaced.min(last[j] + 1).min(row[j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                row[j] = row[j].min(before[j - 2] + 1);
-            }
-        }
-        before = last;
-        last = row;
-    }
-    last.last().copied().unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -1,26 +1,16 @@
 //! Numbers as people write them, read strictly: every word a finite number, and as many as asked.
 
-use core::fmt;
-
 use crate::report::quoted;
 
 /// Why a text is not the expected numbers.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 pub(crate) enum NumberFault {
+    #[error("{} is not a number", quoted(.0))]
     NotANumber(String),
+    #[error("{} is not finite", quoted(.0))]
     NotFinite(String),
+    #[error("it holds {n} number{s}", n = .0, s = if *.0 == 1 { "" } else { "s" })]
     Count(usize),
-}
-
-impl fmt::Display for NumberFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            NumberFault::NotANumber(word) => write!(f, "{} is not a number", quoted(word)),
-            NumberFault::NotFinite(word) => write!(f, "{} is not finite", quoted(word)),
-            NumberFault::Count(1) => f.write_str("it holds 1 number"),
-            NumberFault::Count(count) => write!(f, "it holds {count} numbers"),
-        }
-    }
 }
 
 /// `N` numbers separated by white space.

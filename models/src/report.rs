@@ -123,7 +123,8 @@ impl<T: Into<String>> Word for T {}
 /// Collects diagnostics while the files are read.
 #[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
-    files: Vec<String>,
+    /// The names of the files, by their numbers.
+    pub(crate) files: Vec<String>,
     errors: Pile,
     warnings: Pile,
     notes: Pile,
@@ -147,11 +148,6 @@ impl Diagnostics {
     pub fn add_file(&mut self, name: &str) -> u32 {
         self.files.push(name.to_owned());
         self.files.len() as u32 - 1
-    }
-
-    /// The names of the files, by their numbers.
-    pub(crate) fn files(&self) -> &[String] {
-        &self.files
     }
 
     /// Adds a fault.

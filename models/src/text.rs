@@ -127,8 +127,7 @@ impl Text {
 /// A file's name for messages and its bytes, at most one more than [`LARGEST`].
 pub(crate) fn read(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
     let name = path.display().to_string();
-    let unreadable =
-        |error: std::io::Error| LoadError::Open { file: name.clone(), reason: error.to_string() };
+    let unreadable = |error: std::io::Error| LoadError::Open(name.clone(), error.to_string());
     let file = File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
     file.take(LARGEST as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -139,10 +138,9 @@ pub(crate) fn read(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 /// device or a pipe may block.
 pub(crate) fn read_named(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
     match path.metadata() {
-        Ok(metadata) if !metadata.is_file() => Err(LoadError::Open {
-            file: path.display().to_string(),
-            reason: "it is no ordinary file".to_owned(),
-        }),
+        Ok(metadata) if !metadata.is_file() => {
+            Err(LoadError::Open(path.display().to_string(), "it is no ordinary file".to_owned()))
+        }
         _ => read(path),
     }
 }

@@ -134,59 +134,58 @@ wire_enum! {
     }
 }
 
+/// Declares flags: each line is the documentation, the constant, its bit and its name.
+macro_rules! flags {
+    ($($(#[$doc:meta])* $flag:ident = $bit:literal, $name:literal;)*) => {
+        $($(#[$doc])* pub const $flag: u32 = 1 << $bit;)*
+
+        /// Name of each bit, from the lowest.
+        pub const NAMES: &[&str] = &[$($name),*];
+    };
+}
+
 /// Flags of single actuators, as bits.
 pub mod flag {
-    /// The effort was limited.
-    pub const EFFORT_LIMITED: u32 = 1;
-    /// The position was limited.
-    pub const POSITION_LIMITED: u32 = 1 << 1;
-    /// The velocity was limited, or the commanded position changes faster than the limit.
-    pub const VELOCITY_LIMITED: u32 = 1 << 2;
-    /// The commanded effort changes faster than its limit.
-    pub const RATE_LIMITED: u32 = 1 << 3;
-    /// Gains and efforts still grow after arming.
-    pub const RAMPING: u32 = 1 << 4;
-    /// Commands are late: the actuator is damped.
-    pub const DAMPED: u32 = 1 << 5;
-    /// The measurement is missing or too old.
-    pub const STALE: u32 = 1 << 6;
-    /// The motor reports a fault.
-    pub const MOTOR_FAULT: u32 = 1 << 7;
-    /// The motor has power.
-    pub const POWERED: u32 = 1 << 8;
-    /// No motor drives it.
-    pub const NO_MOTOR: u32 = 1 << 9;
-    /// The effort is reduced because the motor is hot.
-    pub const DERATED: u32 = 1 << 10;
-    /// The actuator is brought to a standstill.
-    pub const STOPPING: u32 = 1 << 11;
-    /// An effort that pushes outwards beyond a position limit was removed.
-    pub const OUTWARD_LIMITED: u32 = 1 << 12;
-    /// The configuration waives the commissioning of the robot.
-    pub const UNCOMMISSIONED: u32 = 1 << 13;
-    /// Nothing tells a frozen encoder from a joint at rest.
-    pub const FROZEN_UNDETECTABLE: u32 = 1 << 14;
-    /// The motor is back at another position than the last known one.
-    pub const POSITION_CHANGED: u32 = 1 << 15;
-    /// Name of each bit, from the lowest.
-    pub const NAMES: [&str; 16] = [
-        "effort_limited",
-        "position_limited",
-        "velocity_limited",
-        "rate_limited",
-        "ramping",
-        "damped",
-        "stale",
-        "motor_fault",
-        "powered",
-        "no_motor",
-        "derated",
-        "stopping",
-        "outward_limited",
-        "uncommissioned",
-        "frozen_undetectable",
-        "position_changed",
-    ];
+    flags! {
+        /// The effort was limited.
+        EFFORT_LIMITED = 0, "effort_limited";
+        /// The position was limited.
+        POSITION_LIMITED = 1, "position_limited";
+        /// The velocity was limited, or the commanded position changes faster than the limit.
+        VELOCITY_LIMITED = 2, "velocity_limited";
+        /// The commanded effort changes faster than its limit.
+        RATE_LIMITED = 3, "rate_limited";
+        /// Gains and efforts still grow after arming.
+        RAMPING = 4, "ramping";
+        /// Commands are late: the actuator is damped.
+        DAMPED = 5, "damped";
+        /// The measurement is missing or too old.
+        STALE = 6, "stale";
+        /// The motor reports a fault.
+        MOTOR_FAULT = 7, "motor_fault";
+        /// The motor has power.
+        POWERED = 8, "powered";
+        /// No motor drives it.
+        NO_MOTOR = 9, "no_motor";
+        /// The effort is reduced because the motor is hot.
+        DERATED = 10, "derated";
+        /// The actuator is brought to a standstill.
+        STOPPING = 11, "stopping";
+        /// An effort that pushes outwards beyond a position limit was removed.
+        OUTWARD_LIMITED = 12, "outward_limited";
+        /// The configuration waives the commissioning of the robot.
+        UNCOMMISSIONED = 13, "uncommissioned";
+        /// Nothing tells a frozen encoder from a joint at rest.
+        FROZEN_UNDETECTABLE = 14, "frozen_undetectable";
+        /// The motor is back at another position than the last known one.
+        POSITION_CHANGED = 15, "position_changed";
+    }
+
+    /// The names of the bits that are set, from the lowest.
+    pub fn names(bits: u32) -> Vec<&'static str> {
+        let named = NAMES.iter().enumerate();
+        named.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name).collect()
+    }
 }
 
 /// One command for all actuators of a robot, in the order of u.

@@ -58,16 +58,15 @@ impl ServedLane {
         [class_in, class_out]: [usize; 2],
     ) -> Result<ServedLane, ServiceError> {
         let [request_name, response_name] = names()?;
-        let no_class = |service: &ServiceName, class: usize| ServiceError::Memory {
-            service: service.to_string(),
-            reason: format!("no class of {class} numbers"),
+        let no_class = |service: &ServiceName, class: usize| {
+            ServiceError::Memory(service.to_string(), format!("no class of {class} numbers"))
         };
         let request = by_class!(class_in, RequestHead, create_board(node, &request_name))
             .ok_or_else(|| no_class(&request_name, class_in))??;
         let response = by_class!(class_out, ResponseHead, create_board(node, &response_name))
             .ok_or_else(|| no_class(&response_name, class_out))??;
 
-        let locked = |service: &ServiceName| ServiceError::Locked { service: service.to_string() };
+        let locked = |service: &ServiceName| ServiceError::Locked(service.to_string());
         let reader = request
             .reader_builder()
             .create()
@@ -113,19 +112,17 @@ impl ClaimedLane {
             .create()
             .map_err(|error| ServiceError::memory(&response_name, &error))?;
         let inbox = by_class!(class_out, ResponseHead, inbox(&reader)).flatten();
-        let inbox = inbox.ok_or_else(|| ServiceError::OtherVersion {
-            service: response_name.to_string(),
-            version: PROTOCOL_VERSION,
+        let inbox = inbox.ok_or_else(|| {
+            ServiceError::OtherVersion(response_name.to_string(), PROTOCOL_VERSION)
         })?;
         let writer = request.writer_builder().create().map_err(|error| match error {
             WriterCreateError::ExceedsMaxSupportedWriters => {
-                ServiceError::Full { service: request_name.to_string(), limit: 1 }
+                ServiceError::Full(request_name.to_string(), 1)
             }
             other => ServiceError::memory(&request_name, &other),
         })?;
         let outbox = by_class!(class_in, RequestHead, outbox(writer)).flatten();
-        let mut outbox =
-            outbox.ok_or_else(|| ServiceError::Locked { service: request_name.to_string() })?;
+        let mut outbox = outbox.ok_or_else(|| ServiceError::Locked(request_name.to_string()))?;
         // sequence 0 in its heads: no request, but a sign that the lane is claimed
         map(outbox.as_mut());
         Ok(ClaimedLane { outbox, inbox })
@@ -165,9 +162,7 @@ where
 
 fn board_not_made(service: &ServiceName, error: BlackboardCreateError) -> ServiceError {
     match error {
-        BlackboardCreateError::AlreadyExists => {
-            ServiceError::Taken { service: service.to_string() }
-        }
+        BlackboardCreateError::AlreadyExists => ServiceError::Taken(service.to_string()),
         other => ServiceError::memory(service, &other),
     }
 }
@@ -176,7 +171,7 @@ fn open_board(node: &Node, service: &ServiceName) -> Result<Board, ServiceError>
     node.inner().service_builder(service).blackboard_opener::<u64>().open().map_err(|error| {
         match error {
             BlackboardOpenError::DoesNotExist | BlackboardOpenError::IsMarkedForDestruction => {
-                ServiceError::Absent { service: service.to_string() }
+                ServiceError::Absent(service.to_string())
             }
             other => ServiceError::memory(service, &other),
         }

@@ -238,15 +238,9 @@ fn open<T: Debug + ZeroCopySend + 'static>(
     let name = || service.to_string();
     node.inner().service_builder(service).publish_subscribe::<T>().open().map_err(|error| {
         match error {
-            E::DoesNotExist | E::IsMarkedForDestruction => {
-                ServiceError::NoBridge { service: name() }
-            }
-            E::IncompatibleTypes => {
-                ServiceError::OtherVersion { service: name(), version: PROTOCOL_VERSION }
-            }
-            E::ExceedsMaxNumberOfNodes => {
-                ServiceError::Full { service: name(), limit: MAX_OBSERVERS + 2 }
-            }
+            E::DoesNotExist | E::IsMarkedForDestruction => ServiceError::NoBridge(name()),
+            E::IncompatibleTypes => ServiceError::OtherVersion(name(), PROTOCOL_VERSION),
+            E::ExceedsMaxNumberOfNodes => ServiceError::Full(name(), MAX_OBSERVERS + 2),
             other => ServiceError::memory(service, &other),
         }
     })
@@ -263,7 +257,7 @@ fn sender<T: Copy + Debug + ZeroCopySend + 'static>(
         .backpressure_strategy(BackpressureStrategy::DiscardData);
     let port = builder.create().map_err(|error| match error {
         PublisherCreateError::ExceedsMaxSupportedPublishers => {
-            ServiceError::Full { service: service.to_string(), limit }
+            ServiceError::Full(service.to_string(), limit)
         }
         other => ServiceError::memory(service, &other),
     })?;
@@ -277,7 +271,7 @@ fn receiver<T: Copy + Debug + ZeroCopySend + 'static>(
 ) -> Result<Receiving<T>, ServiceError> {
     let port = factory.subscriber_builder().create().map_err(|error| match error {
         SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-            ServiceError::Full { service: service.to_string(), limit }
+            ServiceError::Full(service.to_string(), limit)
         }
         other => ServiceError::memory(service, &other),
     })?;
@@ -293,7 +287,7 @@ fn taken(
     error: ServiceError,
     is_bridge: bool,
 ) -> ServiceError {
-    if !matches!(error, ServiceError::Full { .. }) {
+    if !matches!(error, ServiceError::Full(..)) {
         return error;
     }
     let bridge = process_of_bridge(node, name);
@@ -319,8 +313,8 @@ fn taken(
     };
     let name = name.as_str().to_owned();
     match is_bridge {
-        true => ServiceError::BridgeRuns { name, owner },
-        false => ServiceError::HasController { name, owner },
+        true => ServiceError::BridgeRuns(name, owner),
+        false => ServiceError::HasController(name, owner),
     }
 }
 

@@ -64,17 +64,12 @@ impl Deref for DomainNode {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DomainError {
-    /// The root directory can neither be found nor made.
+    /// The root directory can neither be found nor made: its path, the system's error.
     #[error(
-        "{path}: {source}; make the directory writable for this user or name another one in \
+        "{0}: {1}; make the directory writable for this user or name another one in \
          SARRUS_ROOT"
     )]
-    Root {
-        /// The directory.
-        path: PathBuf,
-        /// The operating system's error.
-        source: io::Error,
-    },
+    Root(PathBuf, #[source] io::Error),
     /// The root directory belongs to another user.
     #[error(
         "{path} belongs to user {owner}, expected {user}; remove it or name another directory in \
@@ -89,37 +84,23 @@ pub enum DomainError {
         user: u32,
     },
     /// Other users may write to the root directory.
-    #[error("others may write to {path}, expected this user alone; `chmod 700 {path}`")]
-    Open {
-        /// The directory.
-        path: PathBuf,
-    },
+    #[error("others may write to {0}, expected this user alone; `chmod 700 {0}`")]
+    Open(PathBuf),
     /// The path of the root directory cannot be used.
     #[error(
-        "{path} cannot be the root of shared memory; give an absolute path of at most {MAX_ROOT} \
+        "{0} cannot be the root of shared memory; give an absolute path of at most {MAX_ROOT} \
          characters, letters without accents, digits and `/`, `-`, `_`, `.`, in SARRUS_ROOT"
     )]
-    Path {
-        /// The directory.
-        path: PathBuf,
-    },
+    Path(PathBuf),
     /// A server's name is empty, too long or has invalid characters.
     #[error(
-        "`{name}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, \
+        "`{0}` is no name for a server; use 1 to {MAX_NAME} letters, digits, `.`, `-` or `_`, \
          and no `.` first"
     )]
-    Name {
-        /// The name.
-        name: String,
-    },
-    /// The node of this process cannot be made.
-    #[error("no node in shared memory under {path}: {reason}")]
-    Node {
-        /// The root directory.
-        path: PathBuf,
-        /// The transport's error and a remedy.
-        reason: String,
-    },
+    Name(String),
+    /// The node of this process cannot be made: the directory, the reason.
+    #[error("no node in shared memory under {0}: {1}")]
+    Node(PathBuf, String),
 }
 
 impl Domain {
@@ -149,7 +130,7 @@ impl Domain {
     pub fn at(root: &Path) -> Result<Domain, DomainError> {
         set_log_level(LogLevel::Fatal);
         if !root.is_absolute() || root.as_os_str().len() > MAX_ROOT {
-            return Err(DomainError::Path { path: root.to_owned() });
+            return Err(DomainError::Path(root.to_owned()));
         }
         // whatever else the transport does not take
         config(root, "sarrus_")?;
@@ -178,7 +159,7 @@ impl Domain {
     /// A node of this process in the domain; removes the files of dead processes.
     pub fn node(&self) -> Result<DomainNode, DomainError> {
         let _lock = self.lock(File::lock_shared)?;
-        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        let failed = |source| DomainError::Root(self.root.clone(), source);
         let alive = self.open(ALIVE).map_err(failed)?;
         alive.lock_shared().map_err(failed)?;
         let random = self.random_part().map_err(failed)?;
@@ -278,7 +259,7 @@ impl Domain {
         &self,
         lock: impl Fn(&File) -> io::Result<()>,
     ) -> Result<Option<File>, DomainError> {
-        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        let failed = |source| DomainError::Root(self.root.clone(), source);
         let directory = match File::open(&self.root) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             other => other.map_err(failed)?,
@@ -295,14 +276,14 @@ impl Domain {
     }
 
     pub(crate) fn make_root(&self) -> Result<(), DomainError> {
-        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        let failed = |source| DomainError::Root(self.root.clone(), source);
         make_root(&self.root).map_err(failed)?;
         self.check_owner()
     }
 
     fn check_owner(&self) -> Result<(), DomainError> {
         let user = rustix::process::geteuid().as_raw();
-        let failed = |source| DomainError::Root { path: self.root.clone(), source };
+        let failed = |source| DomainError::Root(self.root.clone(), source);
         match fs::symlink_metadata(&self.root) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(failed(source)),
@@ -311,7 +292,7 @@ impl Domain {
                 let others = if found.gid() == user { 0o002 } else { 0o022 };
                 match found.mode() & others {
                     0 => Ok(()),
-                    _ => Err(DomainError::Open { path: self.root.clone() }),
+                    _ => Err(DomainError::Open(self.root.clone())),
                 }
             }
             Ok(found) if found.uid() == user => Err(failed(io::ErrorKind::NotADirectory.into())),
@@ -330,7 +311,7 @@ const MAX_ROOT: usize = 90;
 
 /// The transport's settings for a part of shared memory.
 pub(crate) fn config(root: &Path, prefix: &str) -> Result<Config, DomainError> {
-    let path_error = || DomainError::Path { path: root.to_owned() };
+    let path_error = || DomainError::Path(root.to_owned());
     let text = root.to_str().ok_or_else(path_error)?;
     let mut config = Config::default();
     config
@@ -346,7 +327,7 @@ pub(crate) fn node(root: &Path, config: &Config) -> Result<Node, DomainError> {
         NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).config(config);
     let node = builder
         .create::<Threadsafe>()
-        .map_err(|error| DomainError::Node { path: root.to_owned(), reason: reason(&error) })?;
+        .map_err(|error| DomainError::Node(root.to_owned(), reason(&error)))?;
     // the transport lets every user write the counter of nodes
     close_to_others(&config.global.prefix.to_string());
     Ok(Node::new(node))
@@ -501,7 +482,7 @@ impl ServerName {
             || name.len() > MAX_NAME
             || !name.chars().all(good)
         {
-            return Err(DomainError::Name { name: name.to_owned() });
+            return Err(DomainError::Name(name.to_owned()));
         }
         Ok(ServerName(name.to_owned()))
     }
@@ -518,7 +499,7 @@ impl ServerName {
 
     fn service(&self, rest: &str) -> Result<ServiceName, DomainError> {
         ServiceName::new(&format!("sarrus/{}/{rest}", self.0))
-            .map_err(|_| DomainError::Name { name: self.0.clone() })
+            .map_err(|_| DomainError::Name(self.0.clone()))
     }
 }
 

@@ -52,9 +52,9 @@ pub mod socket;
 pub mod supervision;
 
 pub use answer::{Answer, FailedState};
-pub use field::{Field, FieldSet, MAX_SOLUTIONS, TASK_NUMBERS};
+pub use field::{FieldSet, MAX_SOLUTIONS, TASK_NUMBERS};
 pub use field::{MOST_VERTEX_COORDINATES, MOST_VERTICES, most_vertices};
-pub use fields::{FIELDS, FieldEntry};
+pub use fields::{FIELDS, Field, FieldEntry};
 pub use fnv::fnv1a_64;
 pub use info::{ClosureInfo, ClosureKind, JointLimits, ModelInfo, TreeJoint};
 pub use layout::{Layout, Sizes, Slot};

@@ -1,7 +1,8 @@
 //! The kinds of request, with the fields that each takes and gives, and the parts of tasks.
 
+use crate::Field::{self, *};
+use crate::FieldSet;
 use crate::wire_enum::wire_enum;
-use crate::{Field, FieldSet};
 
 wire_enum! {
     /// The kinds of request.
@@ -27,48 +28,25 @@ wire_enum! {
 }
 
 /// Fields that read the forces of the actuators or of the independents.
-pub const OF_ACTUATOR_FORCES: [Field; 5] =
-    [Field::GainsY, Field::Margin, Field::Clip, Field::ClipNearest, Field::Binding];
+pub const OF_ACTUATOR_FORCES: [Field; 5] = [GainsY, Margin, Clip, ClipNearest, Binding];
 
 impl Request {
     /// The inputs of tasks.
-    const TARGETS: FieldSet = FieldSet::of(&[
-        Field::TaskTarget,
-        Field::ComTarget,
-        Field::BoundsY,
-        Field::BoundsU,
-        Field::Clearance,
-        Field::YGuess,
-        Field::YPreferred,
-    ]);
+    const TARGETS: FieldSet =
+        FieldSet::of(&[TaskTarget, ComTarget, BoundsY, BoundsU, Clearance, YGuess, YPreferred]);
 
     /// The wanted fields of a request that names none.
     pub const fn default_want(self) -> FieldSet {
         match self {
-            Request::Kinematics | Request::Map => {
-                FieldSet::of(&[Field::Q, Field::Qd, Field::Qdd, Field::U])
+            Request::Kinematics | Request::Map => FieldSet::of(&[Q, Qd, Qdd, U]),
+            Request::InverseDynamics => FieldSet::of(&[TauY, TauU]),
+            Request::ForwardDynamics => FieldSet::of(&[Ydd]),
+            Request::Observe => FieldSet::of(&[TauExternal, Observer]),
+            Request::InverseKinematics => {
+                FieldSet::of(&[Y, Q, U, TaskResidual, Iterations, Binding])
             }
-            Request::InverseDynamics => FieldSet::of(&[Field::TauY, Field::TauU]),
-            Request::ForwardDynamics => FieldSet::of(&[Field::Ydd]),
-            Request::Observe => FieldSet::of(&[Field::TauExternal, Field::Observer]),
-            Request::InverseKinematics => FieldSet::of(&[
-                Field::Y,
-                Field::Q,
-                Field::U,
-                Field::TaskResidual,
-                Field::Iterations,
-                Field::Binding,
-            ]),
-            Request::DifferentialInverseKinematics => {
-                FieldSet::of(&[Field::Yd, Field::TaskResidual, Field::Binding])
-            }
-            Request::Step => FieldSet::of(&[
-                Field::Ydd,
-                Field::TauU,
-                Field::ContactForces,
-                Field::TaskResidual,
-                Field::Binding,
-            ]),
+            Request::DifferentialInverseKinematics => FieldSet::of(&[Yd, TaskResidual, Binding]),
+            Request::Step => FieldSet::of(&[Ydd, TauU, ContactForces, TaskResidual, Binding]),
         }
     }
 
@@ -80,14 +58,13 @@ impl Request {
     /// The field of the targets of the tasks.
     pub(crate) const fn of_tasks(self) -> Field {
         match self {
-            Request::InverseKinematics => Field::TaskTarget,
-            _ => Field::TaskMotion,
+            Request::InverseKinematics => TaskTarget,
+            _ => TaskMotion,
         }
     }
 
     /// The fields that a request of this kind can give.
     pub(crate) const fn inputs(self) -> FieldSet {
-        use Field::*;
         const MOTION: FieldSet = VELOCITY.with(Ydd).with(Qdd).with(Udd);
         const VELOCITY: FieldSet = STATE.with(Directions).with(GainsU);
         const STATE: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);
@@ -114,7 +91,6 @@ impl Request {
 
     /// The fields that an answer to a request of this kind can hold.
     pub(crate) const fn outputs(self) -> FieldSet {
-        use Field::*;
         // every field except given-only ones, and the forces and masses of some requests
         const FOUND: FieldSet = FieldSet::of(&[TaskResidual, Solutions]);
         const OF_TASKS: FieldSet = FOUND.with(ContactForces).with(TaskMotion);

@@ -21,88 +21,51 @@ type Factory = request_response::PortFactory<Threadsafe, ComputeRequest, (), Com
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
-    /// No server has this name.
+    /// No server has the name of this service.
     #[error(
-        "`{service}` is not there: no server runs under this name; start one with `sarrus serve \
+        "`{0}` is not there: no server runs under this name; start one with `sarrus serve \
          --name NAME`"
     )]
-    Absent {
-        /// Name of the service.
-        service: String,
-    },
-    /// No bridge runs under this name.
+    Absent(String),
+    /// No bridge runs under the name of this service.
     #[error(
-        "`{service}` is not there: no bridge runs under this name; start one with `sarrus-can run \
+        "`{0}` is not there: no bridge runs under this name; start one with `sarrus-can run \
          CONFIG --name NAME`"
     )]
-    NoBridge {
-        /// Name of the service.
-        service: String,
-    },
-    /// Another server has this name.
-    #[error("`{service}` is served already; stop the other server or choose another --name")]
-    Taken {
-        /// Name of the service.
-        service: String,
-    },
-    /// A bridge of this name runs.
+    NoBridge(String),
+    /// Another server has this service.
+    #[error("`{0}` is served already; stop the other server or choose another --name")]
+    Taken(String),
+    /// A bridge of this name runs: the name, its process.
     #[error(
-        "a bridge named `{name}` runs already: {owner}; end it, or give this one another name with \
+        "a bridge named `{0}` runs already: {1}; end it, or give this one another name with \
          --name"
     )]
-    BridgeRuns {
-        /// Name of the bridge.
-        name: String,
-        /// Its process.
-        owner: String,
-    },
-    /// The bridge has its controller.
+    BridgeRuns(String, String),
+    /// The bridge of this name has its controller: the name, the controller's process.
     #[error(
-        "the bridge `{name}` has a controller already: {owner}; it takes one at a time, so end \
+        "the bridge `{0}` has a controller already: {1}; it takes one at a time, so end \
          that one first"
     )]
-    HasController {
-        /// Name of the bridge.
-        name: String,
-        /// The controller's process.
-        owner: String,
-    },
-    /// All ports are in use.
+    HasController(String, String),
+    /// All ports of a service are in use: the service, how many there are.
     #[error(
-        "`{service}` has no port left, expected fewer than {limit} clients; close some or use \
+        "`{0}` has no port left, expected fewer than {1} clients; close some or use \
          another server"
     )]
-    Full {
-        /// Name of the service.
-        service: String,
-        /// The number of ports.
-        limit: usize,
-    },
-    /// The service was made by another version of sarrus.
+    Full(String, usize),
+    /// The service was made by another version of sarrus: the service, the expected version.
     #[error(
-        "`{service}` has other payloads, expected those of protocol version {version}; use client \
+        "`{0}` has other payloads, expected those of protocol version {1}; use client \
          and server of one version"
     )]
-    OtherVersion {
-        /// Name of the service.
-        service: String,
-        /// The version of this side.
-        version: u32,
-    },
-    /// The previous writer died and left the entry locked: the lane is unusable.
-    #[error("`{service}` is locked by a process that died; attach again for a fresh lane")]
-    Locked {
-        /// Name of the service.
-        service: String,
-    },
-    /// The shared memory has another fault.
-    #[error("`{service}`: {reason}")]
-    Memory {
-        /// Name of the service.
-        service: String,
-        /// The transport's error.
-        reason: String,
-    },
+    OtherVersion(String, u32),
+    /// The previous writer of this service died and left the entry locked: the lane is unusable.
+    #[error("`{0}` is locked by a process that died; attach again for a fresh lane")]
+    Locked(String),
+    /// The shared memory of a service has another fault: the service, the reason.
+    #[error("`{0}`: {1}")]
+    Memory(String, String),
     /// The name cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -110,7 +73,7 @@ pub enum ServiceError {
 
 impl ServiceError {
     pub(crate) fn memory(service: &ServiceName, reason: &dyn Debug) -> ServiceError {
-        ServiceError::Memory { service: service.to_string(), reason: crate::domain::reason(reason) }
+        ServiceError::Memory(service.to_string(), crate::domain::reason(reason))
     }
 }
 
@@ -275,13 +238,10 @@ pub fn open_compute(node: &Node) -> Result<Box<dyn OpenedService>, ServiceError>
         .map_err(|error| match error {
             RequestResponseOpenError::DoesNotExist
             | RequestResponseOpenError::IsMarkedForDestruction => {
-                ServiceError::Absent { service: service.to_string() }
+                ServiceError::Absent(service.to_string())
             }
             RequestResponseOpenError::IncompatibleRequestOrResponseType => {
-                ServiceError::OtherVersion {
-                    service: service.to_string(),
-                    version: PROTOCOL_VERSION,
-                }
+                ServiceError::OtherVersion(service.to_string(), PROTOCOL_VERSION)
             }
             other => ServiceError::memory(&service, &other),
         })?;
@@ -296,8 +256,6 @@ fn name() -> Result<ServiceName, ServiceError> {
 
 /// The name of a link's only service.
 pub(crate) fn link_service(name: &'static str) -> Result<ServiceName, ServiceError> {
-    ServiceName::new(name).map_err(|error| ServiceError::Memory {
-        service: name.to_owned(),
-        reason: format!("{error:?}"),
-    })
+    ServiceName::new(name)
+        .map_err(|error| ServiceError::Memory(name.to_owned(), format!("{error:?}")))
 }

@@ -87,7 +87,7 @@ fn alone(case: &Case, plan: &Plan, input: &[f64], n: usize) -> (Vec<f64>, Vec<An
 #[test]
 fn states_abreast_have_the_bits_that_each_has_alone() {
     let mut abreast = 0;
-    for case in robots().iter().take(16).chain(robots().iter().skip(16).step_by(12)) {
+    for case in robots().iter().take(24).chain(robots().iter().skip(24).step_by(12)) {
         let model = Arc::new(case.compiled.model.clone());
         let mut seeded = Seeded::new(case.seed + 9);
         // one workspace for every plan, as in a server

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 use sarrus_models::{Options, Source, Target, bundled, export, load};
-use sarrus_report::peer::exported::{Deviation, deviation, pythons};
+use sarrus_report::peer::exported::{Deviation, Found, deviation, pythons};
 use sarrus_tests::python::environment;
 
 /// Largest difference of M, forces and loops, by size.
@@ -43,7 +43,7 @@ fn agree(target: Target, engine: &str, ending: &str, solver: f64) {
                 println!("not run: {name}: {why}");
             }
             Deviation::NotRun(why) => panic!("{name}: {why}"),
-            Deviation::Measured { rows, .. } => {
+            Deviation::Measured(Found { rows, .. }) => {
                 println!("{name}: {rows:?}");
                 // joints without mass follow others there; 2e-15 kg are no mass for a soft coupling
                 let is_light = engine == "MuJoCo" && ["gripper", "rules"].contains(&name);

@@ -3,13 +3,12 @@
 
 use std::sync::OnceLock;
 
-use sarrus_dynamics::description::{Description, Inertial, Limits, SubmechanismKind};
+use sarrus_dynamics::description::{Description, Inertial, Limits};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
-    CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status,
-    Warnings,
+    DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request, Status, Warnings,
 };
-use sarrus_models::Options;
+use sarrus_models::{Options, Source, bundled_text, load};
 use sarrus_tests::cases::{Case, Ledger};
 use sarrus_tests::compare::{assert_close, largest};
 use sarrus_tests::random::random_robot;
@@ -23,7 +22,8 @@ use Field::*;
 
 /// Bundled mechanisms, and random robots.
 fn robots() -> &'static [Case] {
-    const BUNDLED: [&str; 6] = ["lambda", "torso", "ankle", "wrist", "stewart", "active_ankle"];
+    const BUNDLED: [&str; 7] =
+        ["lambda", "torso", "ankle", "wrist", "stewart", "active_ankle", "g1_ankle"];
     const SEEDS: u64 = 30;
     static ONCE: OnceLock<Vec<Case>> = OnceLock::new();
     ONCE.get_or_init(|| {
@@ -39,7 +39,7 @@ struct Limited {
     description: Description,
     effort: Vec<f64>,
     velocity: Vec<f64>,
-    /// The tree velocities of up to three independents of a mechanism, and their places in y.
+    /// The tree velocities of up to four independents of a mechanism, and their places in y.
     picks: Vec<(Vec<u16>, Vec<usize>)>,
 }
 
@@ -63,7 +63,7 @@ fn limited(case: &Case) -> Limited {
     }
     let model = Model::compile(&description).unwrap().model;
     let place = |names: &[String], name: &String| names.iter().position(|x| x == name);
-    let picks = description
+    let mut picks = description
         .submechanisms
         .iter()
         .map(|group| {
@@ -73,7 +73,7 @@ fn limited(case: &Case) -> Limited {
                     let v = place(model.tree_names(), name)?;
                     Some((v as u16, place(model.independent_names(), name)?))
                 })
-                .take(3)
+                .take(4)
                 .unzip();
             // rows come in the order of y
             v.sort_unstable();
@@ -81,7 +81,16 @@ fn limited(case: &Case) -> Limited {
             (v, k)
         })
         .filter(|(v, _): &(Vec<u16>, Vec<usize>)| !v.is_empty())
-        .collect();
+        .collect::<Vec<_>>();
+    // up to four of two mechanisms or more
+    let two = |(v, k): &(Vec<u16>, Vec<usize>)| v.iter().copied().zip(k.clone()).take(2).collect();
+    let mixed = picks.iter().flat_map(|pick| -> Vec<(u16, usize)> { two(pick) }).take(4);
+    let (mut v, mut k): (Vec<u16>, Vec<usize>) = mixed.unzip();
+    v.sort_unstable();
+    k.sort_unstable();
+    if v.len() > 2 && !picks.contains(&(v.clone(), k.clone())) {
+        picks.push((v, k));
+    }
     Limited { robot: Robot::new(model), description, effort, velocity, picks }
 }
 
@@ -117,6 +126,7 @@ fn images(G_u: &[f64], n_vy: usize, limits: &[f64], picked: &[usize]) -> Vec<Vec
 #[test]
 fn sets_of_forces_are_those_of_every_choice_of_limits() {
     let mut sets = 0;
+    let mut of_size = [0; 5];
     for case in robots() {
         let mut own = limited(case);
         let state = case.state::<f64>(0);
@@ -167,10 +177,11 @@ fn sets_of_forces_are_those_of_every_choice_of_limits() {
                 }
             }
             sets += 1;
+            of_size[p] += 1;
         }
     }
-    println!("{sets} sets");
-    assert!(sets > 30, "{sets}");
+    println!("{sets} sets, by their coordinates {of_size:?}");
+    assert!(sets > 30 && of_size[3] > 3 && of_size[4] > 3, "{sets} {of_size:?}");
 }
 
 #[test]
@@ -359,32 +370,13 @@ fn gains_along_the_independents_are_the_slopes_of_the_force() {
     });
 }
 
-/// The ankle of the G1 by public drawings: pitch, then roll; two cranks with rods to the foot.
-fn ankle() -> DescriptionBuilder {
-    let mut robot = DescriptionBuilder::new("ankle");
-    robot.default_inertial(Inertial::sphere(0.1, [0.0; 3], 0.02));
-    robot.submechanism("ankle", SubmechanismKind::Numerical);
-    let pitch = robot.revolute("pitch", LinkId::BASE, [0.0, 1.0, 0.0]).link();
-    let roll = robot.revolute("roll", pitch, [1.0, 0.0, 0.0]).at([0.0, 0.0, -0.01756]).link();
-    let mut motors = Vec::new();
-    for (k, root, tip, foot) in [
-        (1, [0.035, 0.0, 0.15087], [0.035, 0.01653, 0.1469], [0.022, 0.015, -0.00956]),
-        (2, [0.0395, 0.0, 0.21587], [0.0395, -0.01636, 0.21125], [0.022, -0.015, -0.00956]),
-    ] {
-        let crank = robot
-            .revolute(format!("motor{k}"), LinkId::BASE, [1.0, 0.0, 0.0])
-            .at(root)
-            .effort_limit(25.0)
-            .velocity_limit(37.0)
-            .rotor(3.609725e-3, 1.0)
-            .link();
-        let first = robot.revolute(format!("rod{k}_x"), crank, [1.0, 0.0, 0.0]).at(tip).link();
-        let rod = robot.revolute(format!("rod{k}_y"), first, [0.0, 1.0, 0.0]).at(tip).link();
-        let _ = robot.cut(format!("ball{k}"), rod, roll).at(foot).joint(CutJoint::Spherical);
-        motors.push(crank);
-    }
-    robot.independent([pitch, roll]).active(motors);
-    robot
+/// The ankle of the G1 with the motors of the table.
+fn ankle() -> Model<f64> {
+    let (urdf, yaml) = bundled_text("g1_ankle").unwrap();
+    let motors = "peak_torque: 25\n  max_speed: 37\n  rotor_inertia: 3.609725e-3\n  gear_ratio: 1";
+    let submechanisms = Some(yaml.replace("model: N5020-16", motors).into_bytes());
+    let source = Source::Text { urdf: urdf.into(), submechanisms };
+    load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}")).compiled.model
 }
 
 /// Rounds to the digits of the table.
@@ -394,7 +386,7 @@ fn shown(x: f64, digits: i32) -> f64 {
 
 #[test]
 fn the_published_table_of_an_ankle_is_reproduced_to_its_digits() {
-    let mut robot = Robot::new(ankle().compile().unwrap().model);
+    let mut robot = Robot::new(ankle());
     // G_u, force alone, speed alone, inertia pp rr pr
     let table = [
         (
@@ -491,7 +483,7 @@ fn sets_of_many_coordinates_and_requests_without_their_numbers_are_refused() {
 
 #[test]
 fn near_dead_points_no_number_is_infinite() {
-    let mut robot = Robot::new(ankle().compile().unwrap().model);
+    let mut robot = Robot::new(ankle());
     let mut answered = 0;
     let mut refused = 0;
     for k in 0..4000 {

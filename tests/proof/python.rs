@@ -158,7 +158,8 @@ fn programs_on_the_page_of_the_package_run() {
     std::fs::write(folder.join("crank.yml"), submechanisms).unwrap();
     let mut count = 0;
     for block in blocks.filter(|block| !block.contains("sarrus.can")) {
-        if block.contains("dask") && !environment().has_optional_packages() {
+        let optional = ["dask", "casadi"].iter().any(|package| block.contains(package));
+        if optional && !environment().has_optional_packages() {
             continue;
         }
         let block = block.replace("connect(\"elbow\"", "connect(\"python-page\"");

@@ -2,6 +2,7 @@
 
 use sarrus_dynamics::description::Inertial;
 use sarrus_dynamics::{DescriptionBuilder, Field, FieldSet, LinkId, Model, Query, Request};
+use sarrus_models::{Options, Source, load};
 use sarrus_simulation::{Stop, Timed, time_path};
 use sarrus_tests::cases::Case;
 use sarrus_tests::run::Robot;
@@ -143,4 +144,62 @@ fn a_path_that_cannot_be_held_or_leaves_its_range_names_place_and_joint() {
     }
     let run = timed(&model, &rows[..5]);
     assert!(*run.times.last().unwrap() > 0.1);
+}
+
+/// A mass on an arm that turns about a vertical axis, with this motor.
+fn turntable(actuator: &str) -> Model<f64> {
+    let urdf = r#"<robot name="table"><link name="base"/><link name="arm"><inertial>
+        <origin xyz="0.4 0 0"/><mass value="3"/>
+        <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+        <joint name="pivot" type="continuous"><parent link="base"/><child link="arm"/>
+        <axis xyz="0 0 1"/></joint></robot>"#;
+    let yml = format!(
+        "submechanisms:\n- {{type: 1R, contextual_name: arm, jointnames_spanningtree: [pivot], \
+         jointnames_independent: [pivot], jointnames_active: [pivot]}}\nactuators:\n\
+         - joint: pivot\n{actuator}"
+    );
+    let source = Source::Text { urdf: urdf.into(), submechanisms: Some(yml.into_bytes()) };
+    load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}")).compiled.model
+}
+
+#[test]
+fn a_motor_whose_force_falls_with_its_speed_keeps_to_the_limit_of_that_speed() {
+    let inertia = 3.0 * 0.4 * 0.4 + 0.02;
+    for actuator in [
+        "  model: XM430\n",
+        "  torque_speed: [[1, 4], [3, 1], [8, 0]]\n  braking_torque_speed: [[1, 6], [8, 5]]\n",
+        "  peak_torque: 5\n  power: 3\n  efficiency: [0.7, 0.6]\n  max_speed: 9\n",
+    ] {
+        let model = turntable(actuator);
+        let rows: Vec<Vec<f64>> = (0..=40).map(|k| vec![0.5 * f64::from(k)]).collect();
+        let run = timed(&model, &rows);
+        let allowed = sarrus_simulation::ALLOWED;
+        assert!(run.excess <= allowed, "{}", run.excess);
+        let mut near = 0;
+        let mut most: f64 = 0.0;
+        for k in 1..run.times.len() {
+            let h = run.times[k] - run.times[k - 1];
+            let [[y, yd, ..], [y1, yd1, ..]] = [&run.rows[k - 1], &run.rows[k]];
+            let rest = (y1[0] - y[0]) / h;
+            let [turn, bend] = [3.0 * rest - 2.0 * yd[0] - yd1[0], yd[0] + yd1[0] - 2.0 * rest];
+            let mut reached: f64 = 0.0;
+            for part in 0..=20 {
+                let at = f64::from(part) / 20.0;
+                let speed = yd[0] + at * (2.0 * turn + 3.0 * at * bend);
+                // nothing but inertia acts
+                let tau = inertia * (2.0 * turn + 6.0 * at * bend) / h;
+                let [lower, upper] = model.actuator_forces(0, speed).unwrap();
+                let least = 1e-6 * model.actuator_forces(0, 0.0).unwrap()[1];
+                let of = |tau: f64, limit: f64| tau / limit.abs().max(least);
+                let part = of(tau, upper).max(of(-tau, lower));
+                assert!(part <= 1.0 + 1.01 * allowed, "{actuator} {k} {speed}: {part}");
+                reached = reached.max(part);
+            }
+            most = most.max(reached);
+            near += usize::from(reached > 0.9);
+        }
+        let n = run.times.len();
+        println!("{actuator} {} s, at the limit in {near} of {n}, {most}", run.times[n - 1]);
+        assert!(near > n / 3, "{actuator}: {near} of {n}");
+    }
 }

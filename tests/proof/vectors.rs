@@ -5,7 +5,7 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::compare::{assert_close, largest};
-use sarrus_tests::reference::{ROBOTS, cases, digits, numbers, vectors};
+use sarrus_tests::reference::{IDLE, REDUNDANT, ROBOTS, cases, digits, numbers, vectors};
 use sarrus_tests::run::Robot;
 use serde_json::Value;
 
@@ -37,7 +37,10 @@ fn check_case<T: PlanScalar>(
         robot.ask(Request::Kinematics, &motion, &[Q, Qd, Qdd, G, GBias, K, KBias, Residual]).ok();
     let square = largest(state.get(Qd)).powi(2);
     let check = |field: Field, key: &str, least: f64, fields: &sarrus_tests::run::Fields<T>| {
-        assert_close(&format!("{what} {key}"), fields.get(field), &of(key), least, tolerance);
+        // reactions of redundant rows are not determinate
+        if !case[key].is_null() {
+            assert_close(&format!("{what} {key}"), fields.get(field), &of(key), least, tolerance);
+        }
     };
     check(Q, "q", 1.0, &state);
     check(Qd, "qd", 1.0, &state);
@@ -77,7 +80,7 @@ fn check_case<T: PlanScalar>(
 
 #[test]
 fn every_bundled_robot_agrees_with_an_independent_engine() {
-    for name in ROBOTS {
+    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).model);
         let file = vectors(name);
         let names = |key: &str| {
@@ -216,15 +219,20 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
 /// The loops of the forty-digit files are open by up to 6e-17 m on the numbers of the URDFs, as if
 /// their cut frames had been rounded to double. Two kinds of robots close exactly and show the
 /// error without this effect: the parallelogram, whose cut lies at a round number, and the robots
-/// with placements written in the file.
+/// with placements written in the file. Redundant rows with rounded placements contradict each
+/// other by as much.
 #[test]
 fn double_double_agrees_with_forty_digits() {
-    for name in ROBOTS {
+    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).exact);
-        let closes =
-            ["parallelogram", "four_bars_2", "five_bar", "squeezer", "delta", "active_ankle"]
-                .contains(&name);
-        let tolerance = if closes { 1e-25 } else { 2e-15 };
+        let of_reference = ULPS.iter().any(|(other, _)| *other == name);
+        let is_rounded = of_reference && name != "parallelogram" || REDUNDANT.contains(&name);
+        let tolerance = match name {
+            // the closed form of its foot fits the file to 8e-16
+            "cassie_leg" => 1e-13,
+            _ if is_rounded => 2e-15,
+            _ => 1e-25,
+        };
         for (k, case) in cases(&vectors(&format!("{name}_mp"))).iter().enumerate() {
             check_case(
                 &mut robot,

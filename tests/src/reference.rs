@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
 /// The bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 14] = [
+pub const ROBOTS: [&str; 21] = [
     "lambda",
     "parallelogram",
     "torso",
@@ -22,7 +22,21 @@ pub const ROBOTS: [&str; 14] = [
     "squeezer",
     "delta",
     "active_ankle",
+    "g1_ankle",
+    "jansen",
+    "three_rrr",
+    "gripper",
+    "agile_eye",
+    "wheel_leg",
+    "cassie_leg",
 ];
+
+/// The others with such answers, but for the reactions of their loops, which are not determinate.
+pub const REDUNDANT: [&str; 1] = ["bennett"];
+
+/// With such answers too; moments about the axes of their idle rods are borne by nothing, so that
+/// laws of forces do not hold joint by joint.
+pub const IDLE: [&str; 1] = ["delta_balls"];
 
 /// A file of the project's own vectors.
 pub fn vectors(name: &str) -> Value {

@@ -1,4 +1,4 @@
-"""Reference answers for a robot whose loops have linear rows only, to forty digits.
+"""Reference answers for a robot whose loops are points, pins and hinges, to forty digits.
 
 Nothing but the positions of bodies is written here: K, Jacobians, velocities and accelerations are central differences of them in
 arithmetic of 120 digits with steps of 1e-30, so that no formula is shared with what they check.
@@ -19,6 +19,8 @@ from mpmath import matrix, mp, mpf, eye, zeros, lu_solve, norm, cos, sin
 mp.dps = 120
 STEP = mpf(10) ** -30
 GRAVITY = matrix([0, 0, mpf(-9.81)])
+# inertia of published motors at their joints
+ROTORS = {"N5020-16": 3.609725e-3}
 
 
 def numbers(text):
@@ -60,10 +62,29 @@ class Robot:
     def __init__(self, folder):
         self.name = folder.rstrip("/").split("/")[-1]
         root = xml.parse(f"{folder}/{self.name}.urdf").getroot()
-        entry, = yaml.safe_load(open(f"{folder}/{self.name}.yml"))["submechanisms"]
-        self.tree, self.independent = entry["jointnames_spanningtree"], entry["jointnames_independent"]
-        self.active = entry["jointnames_active"]
+        file = yaml.safe_load(open(f"{folder}/{self.name}.yml"))
+        entries = file["submechanisms"]
+        joined = lambda key: sum((entry[key] for entry in entries), [])
+        self.tree, self.independent = joined("jointnames_spanningtree"), joined("jointnames_independent")
+        self.active = joined("jointnames_active")
+        # inertia of the rotors at their joints
+        self.rotors = zeros(len(self.tree), 1)
+        for motor in file.get("actuators", []):
+            for name in motor["joints"]:
+                own = [ROTORS[motor["model"]], 1.0] if "model" in motor else [float(motor["rotor_inertia"]), motor["gear_ratio"]]
+                self.rotors[self.tree.index(name)] = mpf(own[0]) * mpf(own[1]) ** 2
         joints = {joint.get("name"): joint for joint in root.findall("joint")}
+        # joints that turn as another one does, damping, springs with their rests
+        followers = {name: joint.find("mimic") for name, joint in joints.items() if joint.find("mimic") is not None}
+        assert all(set(mimic.attrib) == {"joint"} for mimic in followers.values())
+        self.couplings = [(self.tree.index(name), self.tree.index(mimic.get("joint"))) for name, mimic in followers.items()]
+        self.damping, self.springs = zeros(len(self.tree), 1), {}
+        for name, joint in joints.items():
+            if joint.find("dynamics") is not None:
+                self.damping[self.tree.index(name)] = mpf(float(joint.find("dynamics").get("damping")))
+        for spring in root.findall("gazebo"):
+            terms = [mpf(float(spring.findtext(f"spring{key}", "0"))) for key in ("Stiffness", "Reference")]
+            self.springs[self.tree.index(spring.get("reference"))] = terms
         self.joints = []
         for joint in joints.values():
             axis = joint.find("axis")
@@ -81,15 +102,35 @@ class Robot:
                 frame = placement(inertial.find("origin"))
                 self.bodies.append((link.get("name"), mpf(float(inertial.find("mass").get("value"))), frame, I))
         self.loops = []
-        for loop in entry["loop_constraints"]:
+        for loop in sum((entry.get("loop_constraints", []) for entry in entries), []):
             kind, unit = loop["cut_joint_type"], [matrix([int(i == k) for i in range(3)]) for k in range(3)]
-            axes = unit if kind == "spherical" else across(matrix([mpf(float(x)) for x in loop["axis"]]))
-            assert kind in ("spherical", "planar_revolute"), kind
+            axis = matrix([mpf(float(x)) for x in loop.get("axis", [0, 0, 0])])
+            axes = across(axis) if kind == "planar_revolute" else unit
+            # a hinge keeps its axis a perpendicular to b x a, whose rate there is the speed about b
+            hinges = [(skew(b) * axis, axis / norm(axis)) for b in across(axis)] if kind == "revolute" else []
+            assert kind in ("spherical", "planar_revolute", "revolute"), kind
             ends = loop["predecessor_body"], loop["successor_body"]
-            self.loops.append((loop["cut_joint"], *ends, *(placement(loop[f"{end}_placement"]) for end in ("predecessor", "successor")), axes))
+            places = (placement(loop[f"{end}_placement"]) for end in ("predecessor", "successor"))
+            self.loops.append((loop["cut_joint"], *ends, *places, axes, hinges))
         self.ind = [self.tree.index(name) for name in self.independent]
-        self.dep = [i for i in range(len(self.tree)) if i not in self.ind]
         self.act = [self.tree.index(name) for name in self.active]
+        self.dep = [i for i in range(len(self.tree)) if i not in self.ind]
+        self.sort()
+
+    def sort(self):
+        """The rows that do not follow from others, and the joints that only spin idly: they stay."""
+        # at the zero pose, which is closed: elsewhere rows may count that follow from others there
+        K = numpy.array(self.K(zeros(len(self.tree), 1)).tolist(), dtype=float)
+        rank = lambda m: numpy.linalg.matrix_rank(m, 1e-9)
+        d = K[:, self.dep]
+        self.dep = [i for k, i in enumerate(self.dep) if rank(numpy.delete(d, k, 1)) < rank(d)]
+        d, self.kept = K[:, self.dep], []
+        for _ in range(len(self.dep)):
+            # the row that adds most
+            basis = numpy.linalg.qr(d[self.kept].T)[0] if self.kept else numpy.zeros((len(self.dep), 0))
+            left = d - d @ basis @ basis.T
+            self.kept.append(int(numpy.argmax(numpy.linalg.norm(left, axis=1))))
+        self.kept.sort()
 
     def poses(self, q):
         at = {self.root: (eye(3), zeros(3, 1))}
@@ -107,10 +148,13 @@ class Robot:
 
     def phi(self, q):
         at, rows = self.poses(q), []
-        for _, predecessor, successor, (Rp, pp), (_, ps), axes in self.loops:
+        for _, predecessor, successor, (Rp, pp), (Rs, ps), axes, hinges in self.loops:
             (R, p), (R2, p2) = at[predecessor], at[successor]
             gap = (R * Rp).T * (R2 * ps + p2 - R * pp - p)
             rows += [(axis.T * gap)[0] for axis in axes]
+            turned = (R * Rp).T * R2 * Rs
+            rows += [(held.T * turned * axis)[0] for held, axis in hinges]
+        rows += [q[follower] - q[leader] for follower, leader in self.couplings]
         return matrix(rows)
 
     def masses(self, q):
@@ -118,8 +162,11 @@ class Robot:
         at = self.poses(q)
         return [(at[name][0] * p + at[name][1], at[name][0] * R) for name, _, (R, p), _ in self.bodies]
 
+    def square(self, K):
+        return rows(pick(K, self.dep), self.kept)
+
     def K(self, q):
-        K = zeros(sum(len(loop[5]) for loop in self.loops), len(q))
+        K = zeros(sum(len(loop[5]) + len(loop[6]) for loop in self.loops) + len(self.couplings), len(q))
         for i in range(len(q)):
             K[:, i] = self.along(self.phi, q, unit(i, len(q)))
         return K
@@ -135,9 +182,9 @@ class Robot:
                 q[i] = mpf(value) * part / parts
             # in one step the last digits come by themselves: K at the start of the step serves for
             # all of them
-            inverse = pick(self.K(q), self.dep) ** -1
+            inverse = self.square(self.K(q)) ** -1
             for _ in range(200):
-                step = inverse * self.phi(q)
+                step = inverse * rows(self.phi(q), self.kept)
                 for i, value in zip(self.dep, step):
                     q[i] -= value
                 if norm(step) < mpf(10) ** -100:
@@ -151,13 +198,13 @@ class Robot:
         G = zeros(n, len(y))
         for k, i in enumerate(self.ind):
             G[i, k] = 1
-        inverse = pick(K, self.dep) ** -1
-        set_rows(G, self.dep, -inverse * pick(K, self.ind))
+        inverse = self.square(K) ** -1
+        set_rows(G, self.dep, -inverse * rows(pick(K, self.ind), self.kept))
         qd = G * yd
         second = lambda f: (f(q + STEP * qd) - 2 * f(q) + f(q - STEP * qd)) / STEP**2
         k = second(self.phi)  # +K̇ q̇
         g = zeros(n, 1)
-        set_rows(g, self.dep, -inverse * k)
+        set_rows(g, self.dep, -inverse * rows(k, self.kept))
         qdd = G * ydd + g
 
         # M and C of the tree, from the motion of every centre of mass
@@ -178,21 +225,29 @@ class Robot:
             M += mass * Jv.T * Jv + Jw.T * Iw * Jw
             C += mass * Jv.T * a + Jw.T * (Iw * alpha + skew(w) * (Iw * w))
 
+        for i in range(n):
+            M[i, i] += self.rotors[i]
+            C[i] += self.damping[i] * qd[i]
+        for i, (stiffness, rest) in self.springs.items():
+            C[i] += stiffness * (q[i] - rest)
         M_y, C_y, G_u = G.T * M * G, G.T * (C + M * g), rows(G, self.act)
         tree = M * qdd + C
         tau_y = G.T * tree
-        tau_u = lu_solve(G_u.T, tau_y) if len(self.act) == len(y) else zeros(0, 1)
+        # of fewer actuators the least squares
+        tau_u = lu_solve(G_u * G_u.T, G_u * tau_y)
         forces = lambda qdd, driven: inverse_t * rows(M * qdd + C - driven, self.dep)
         inverse_t = inverse.T
         driven = lambda force: matrix([force[self.act.index(i)] if i in self.act else 0 for i in range(n)])
         ydd_fd = lu_solve(M_y, G_u.T * tau - C_y)
         qdd_fd = G * ydd_fd + g
         cond = lambda m: float(numpy.linalg.cond(numpy.array(m.tolist(), dtype=float)))
-        return {
+        found = {
             "q": q, "qd": qd, "qdd": qdd, "G": G, "g": g, "K": K, "k": k, "tau_tree": tree, "tau_y": tau_y, "tau_u": tau_u,
             "lambda_id": forces(qdd, driven(tau_u)), "ydd_fd": ydd_fd, "qdd_fd": qdd_fd, "lambda_fd": forces(qdd_fd, driven(tau)),
             "M_y": M_y, "C_y": C_y, "cond_Kd": cond(pick(K, self.dep)), "cond_Gu": cond(G_u), "cond_My": cond(M_y),
         }  # fmt: skip
+        # reactions of redundant rows are not determinate
+        return found if len(self.kept) == K.rows else {key: x for key, x in found.items() if key not in ("lambda_id", "lambda_fd", "cond_Kd")}
 
 
 def unit(i, n):

@@ -164,15 +164,15 @@ impl StatusCode {
 
     pub(crate) fn of_error(error: &Error) -> StatusCode {
         match error {
-            Error::ServerGone { .. } => StatusCode::ServerGone,
+            Error::ServerGone(..) => StatusCode::ServerGone,
             Error::NoAnswer { .. } | Error::Connect(ConnectError::NoAnswer { .. }) => {
                 StatusCode::NoAnswer
             }
             Error::Connect(ConnectError::WrongModel { .. }) => StatusCode::WrongModel,
-            Error::Connect(ConnectError::NoMemory { .. }) => StatusCode::NoMemory,
+            Error::Connect(ConnectError::NoMemory(..)) => StatusCode::NoMemory,
             Error::Connect(_) => StatusCode::ConnectFailed,
-            Error::UnknownNames { .. } => StatusCode::UnknownName,
-            Error::Query(_) | Error::NotPlanned { .. } => StatusCode::BadQuery,
+            Error::UnknownNames(_) => StatusCode::UnknownName,
+            Error::Query(_) | Error::NotPlanned(_) => StatusCode::BadQuery,
             Error::WrongSize { .. } => StatusCode::WrongSize,
             Error::Failed(failed) => StatusCode::of_answer(failed.status),
             Error::TooLarge { .. } => StatusCode::TooLarge,

@@ -201,11 +201,7 @@ pub(crate) fn state_fields<'py>(
     dict.set_item("states", states)?;
     let reasons: Vec<_> = state.reasons.iter().take(n).map(|code| Reason::name_of(*code)).collect();
     dict.set_item("reasons", reasons)?;
-    let names = |bits: &u32| -> Vec<&str> {
-        let set = flag::NAMES.iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1);
-        set.map(|(_, name)| *name).collect()
-    };
-    let flags: Vec<_> = state.flags.iter().take(n).map(names).collect();
+    let flags: Vec<_> = state.flags.iter().take(n).map(|bits| flag::names(*bits)).collect();
     dict.set_item("flags", flags)?;
     dict.set_item("faults", state.faults.get(..n).unwrap_or_default())?;
     dict.set_item("measured_ns", state.measured_ns.get(..n).unwrap_or_default())?;

@@ -64,7 +64,7 @@ pub(crate) fn recording(
 fn failed(path: &Path, error: RecordingError) -> PyErr {
     let words = format!("{}: {error}", path.display());
     match error {
-        RecordingError::Read { .. } => PyOSError::new_err(words),
+        RecordingError::Read(_) => PyOSError::new_err(words),
         _ => PyValueError::new_err(words),
     }
 }

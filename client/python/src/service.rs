@@ -9,49 +9,36 @@ use pyo3::types::PyDict;
 use sarrus_proto::actuators::OperatorRequest;
 use sarrus_proto::bridge::{BridgeEnd, CommandsEnd, ControllerEnd, ObserverEnd};
 use sarrus_proto::heartbeat::monotonic_ns;
-use sarrus_proto::{Domain, DomainNode, ServerName};
+use sarrus_proto::service::ServiceError;
+use sarrus_proto::{Domain, DomainNode, Node, ServerName};
 
 use crate::bridge::{PyBridge, command, command_fields, operation_of, state_fields};
 
 /// A name under which controllers find a bridge. It is free again when this is closed or the
 /// process ends.
 #[pyclass(name = "Service", module = "sarrus.can")]
-pub(crate) struct PyService {
+pub(crate) struct PyService(Place<BridgeEnd>);
+
+/// An end of the bridge's services until it is closed.
+struct Place<E> {
     // ports go before their node
-    end: Option<BridgeEnd>,
+    end: Option<E>,
     node: Option<DomainNode>,
     domain: Domain,
 }
 
-#[pymethods]
-impl PyService {
-    /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is
-    /// an `OSError`.
-    #[new]
-    fn new(name: &str) -> PyResult<PyService> {
-        let domain = Domain::of_user().map_err(runtime_error)?;
-        let name = ServerName::new(name).map_err(runtime_error)?;
-        let node = domain.node().map_err(runtime_error)?;
-        let end = BridgeEnd::create(&node, &name).map_err(runtime_error)?;
-        Ok(PyService { end: Some(end), node: Some(node), domain })
-    }
-
-    /// Gives the bridge the operations since the last call in their order, and the newest command.
-    /// The bridge's counters have the verdict on the command.
-    fn take(&self, now_ns: u64, bridge: &PyBridge) {
-        let Some(end) = &self.end else { return };
-        let mut bridge = bridge.lock();
-        while let Some(request) = end.operation() {
-            bridge.request(now_ns, &request);
-        }
-        if let Some(command) = end.command() {
-            bridge.command(now_ns, &command);
-        }
-    }
-
-    /// Publishes the bridge's state to all observers; false if that failed.
-    fn publish(&self, bridge: &PyBridge) -> bool {
-        self.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
+impl<E> Place<E> {
+    fn enter(
+        name: &str,
+        open: impl FnOnce(&Node, &ServerName) -> Result<E, ServiceError>,
+    ) -> PyResult<Place<E>> {
+        let enter = || {
+            let domain = Domain::of_user()?;
+            let name = ServerName::new(name)?;
+            let node = domain.node()?;
+            Ok(Place { end: Some(open(&node, &name)?), node: Some(node), domain })
+        };
+        enter().map_err(|error: ServiceError| PyOSError::new_err(error.to_string()))
     }
 
     /// Leaves the shared memory.
@@ -63,14 +50,44 @@ impl PyService {
     }
 }
 
+#[pymethods]
+impl PyService {
+    /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is
+    /// an `OSError`.
+    #[new]
+    fn new(name: &str) -> PyResult<PyService> {
+        Ok(PyService(Place::enter(name, BridgeEnd::create)?))
+    }
+
+    /// Gives the bridge the operations since the last call in their order, and the newest command.
+    /// The bridge's counters have the verdict on the command.
+    fn take(&self, now_ns: u64, bridge: &PyBridge) {
+        let Some(end) = &self.0.end else { return };
+        let mut bridge = bridge.lock();
+        while let Some(request) = end.operation() {
+            bridge.request(now_ns, &request);
+        }
+        if let Some(command) = end.command() {
+            bridge.command(now_ns, &command);
+        }
+    }
+
+    /// Publishes the bridge's state to all observers; false if that failed.
+    fn publish(&self, bridge: &PyBridge) -> bool {
+        self.0.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
+    }
+
+    /// Leaves the shared memory.
+    fn close(&mut self) {
+        self.0.close();
+    }
+}
+
 /// A controller of a running bridge, or an observer that only watches and operates it; a bridge has
 /// one controller.
 #[pyclass(name = "Controller", module = "sarrus.can")]
 pub(crate) struct PyController {
-    // ports go before their node
-    end: Option<End>,
-    node: Option<DomainNode>,
-    domain: Domain,
+    place: Place<End>,
     /// Of the last command.
     sequence: AtomicU64,
     /// Of the robot that commands are computed with, and of the bridge's.
@@ -92,25 +109,15 @@ impl PyController {
     #[new]
     #[pyo3(signature = (name = "default", *, fingerprint = None, watch = false))]
     fn new(name: &str, fingerprint: Option<u64>, watch: bool) -> PyResult<PyController> {
-        let domain = Domain::of_user().map_err(runtime_error)?;
-        let name = ServerName::new(name).map_err(runtime_error)?;
-        let node = domain.node().map_err(runtime_error)?;
-        let end = if watch {
-            let commands = CommandsEnd::open(&node, &name).map_err(runtime_error)?;
-            End::Observer(ObserverEnd::open(&node, &name).map_err(runtime_error)?, commands)
-        } else {
-            End::Controller(ControllerEnd::open(&node, &name).map_err(runtime_error)?)
-        };
+        let place = Place::enter(name, |node, name| match watch {
+            true => {
+                let commands = CommandsEnd::open(node, name)?;
+                Ok(End::Observer(ObserverEnd::open(node, name)?, commands))
+            }
+            false => ControllerEnd::open(node, name).map(End::Controller),
+        })?;
         let sequence = AtomicU64::new(0);
-        let of_bridge = OnceLock::new();
-        Ok(PyController {
-            end: Some(end),
-            node: Some(node),
-            domain,
-            sequence,
-            fingerprint,
-            of_bridge,
-        })
+        Ok(PyController { place, sequence, fingerprint, of_bridge: OnceLock::new() })
     }
 
     /// Sends a command for all actuators; false where it could not be sent.
@@ -164,7 +171,7 @@ impl PyController {
         };
         let numbers = numbers.each_ref().map(Vec::as_slice);
         let command = command(sequence, stamp_ns, fingerprint, numbers)?;
-        match &self.end {
+        match &self.place.end {
             Some(End::Controller(end)) => {
                 self.sequence.store(sequence, Relaxed);
                 Ok(end.send(&command))
@@ -196,7 +203,7 @@ impl PyController {
     /// With `watch`, the numbers of the newest command to the bridge by field, once; `None` without
     /// a new one.
     fn commanded<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(End::Observer(_, commands)) = &self.end else {
+        let Some(End::Observer(_, commands)) = &self.place.end else {
             return Err(PyOSError::new_err("only an observer (`watch=True`) sees commands"));
         };
         commands.command().map(|command| command_fields(py, command)).transpose()
@@ -204,22 +211,15 @@ impl PyController {
 
     /// Leaves the shared memory.
     fn close(&mut self) {
-        drop(self.end.take());
-        if self.node.take().is_some() {
-            self.domain.tidy();
-        }
+        self.place.close();
     }
 }
 
 impl PyController {
     fn observer(&self) -> Option<&ObserverEnd> {
-        match self.end.as_ref()? {
+        match self.place.end.as_ref()? {
             End::Controller(end) => Some(end.observer()),
             End::Observer(end, _) => Some(end),
         }
     }
-}
-
-fn runtime_error(error: impl std::fmt::Display) -> PyErr {
-    PyOSError::new_err(error.to_string())
 }

@@ -114,9 +114,9 @@ fn operate(end: Option<&ObserverEnd>, operation: Operation, actuator: Option<usi
 
 fn refused(name: &str, error: ServiceError) -> ConnectError {
     match error {
-        ServiceError::NoBridge { .. } => ConnectError::NoBridge { name: name.to_owned() },
-        ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-        ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
+        ServiceError::NoBridge(_) => ConnectError::NoBridge(name.to_owned()),
+        ServiceError::OtherVersion(..) => ConnectError::WrongVersion(0),
+        ServiceError::Full(_, limit) => ConnectError::NoFreeSlot {
             transport: "places at the bridge",
             limit,
             holder: None,

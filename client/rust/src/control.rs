@@ -32,7 +32,8 @@ const LEAVE: Duration = Duration::from_millis(250);
 pub(crate) struct Control {
     socket: ControlSocket,
     name: String,
-    fingerprint: u64,
+    /// Fingerprint of the server's model.
+    pub(crate) fingerprint: u64,
     instance: u64,
     process: u32,
     /// The server's root, which may differ from this process's choice.
@@ -77,9 +78,9 @@ impl Control {
         };
         let expected = request.fingerprint;
         let Grant::Hello { root, pages } = granted(&response, expected)? else {
-            return Err(ConnectError::BadAnswer { what: "to an attach" });
+            return Err(ConnectError::BadAnswer("to an attach"));
         };
-        let bad = || ConnectError::BadAnswer { what: "to an attach" };
+        let bad = || ConnectError::BadAnswer("to an attach");
         let heartbeat = HeartbeatReader::new(&descriptor.ok_or_else(bad)?)
             .map_err(|error| ConnectError::of_page("the sign of life", "to an attach", error))?;
         Ok(Control {
@@ -93,11 +94,6 @@ impl Control {
             heartbeat,
             nonce: AtomicU64::new(2),
         })
-    }
-
-    /// Fingerprint of the server's model.
-    pub(crate) fn fingerprint(&self) -> u64 {
-        self.fingerprint
     }
 
     /// True once the server is gone, or has ended cleanly and no longer answers.
@@ -116,11 +112,11 @@ impl Control {
         for page in 0..self.pages {
             match self.granted(Call::Model { page }, deadline)? {
                 Grant::Page { text } => json.push_str(&text),
-                _ => return Err(ConnectError::BadAnswer { what: "about the model" }),
+                _ => return Err(ConnectError::BadAnswer("about the model")),
             }
         }
         let info = ModelInfo::from_json(json.as_bytes());
-        info.ok_or(ConnectError::BadAnswer { what: "about the model" })
+        info.ok_or(ConnectError::BadAnswer("about the model"))
     }
 
     /// Registers a plan; the server's number of it.
@@ -134,8 +130,8 @@ impl Control {
             {
                 Ok(number.0)
             }
-            Ok(_) => Err(ConnectError::BadAnswer { what: "for a plan" }.into()),
-            Err(Refusal::BadQuery { reason }) => Err(Error::NotPlanned { reason: reason.clone() }),
+            Ok(_) => Err(ConnectError::BadAnswer("for a plan").into()),
+            Err(Refusal::BadQuery { reason }) => Err(Error::NotPlanned(reason.clone())),
             Err(Refusal::TooLarge { n_in, n_out }) => Err(Error::TooLarge {
                 n_in: *n_in,
                 n_out: *n_out,
@@ -167,7 +163,7 @@ impl Control {
     pub(crate) fn statistics(&self, deadline: Instant) -> Result<Statistics, ConnectError> {
         match self.granted(Call::Statistics, deadline)? {
             Grant::Statistics(statistics) => Ok(*statistics),
-            _ => Err(ConnectError::BadAnswer { what: "about its counts" }),
+            _ => Err(ConnectError::BadAnswer("about its counts")),
         }
     }
 
@@ -180,7 +176,7 @@ impl Control {
         let Grant::Lane { link, class_in, class_out } =
             self.granted(Call::Lane { n_in, n_out }, deadline)?
         else {
-            return Err(ConnectError::BadAnswer { what: "for a lane" });
+            return Err(ConnectError::BadAnswer("for a lane"));
         };
         let node = self.link(link)?.node()?;
         let lane = ClaimedLane::claim(&node, [class_in, class_out]);
@@ -194,7 +190,7 @@ impl Control {
         deadline: Instant,
     ) -> Result<(Node, Box<dyn OpenedService>), ConnectError> {
         let Grant::Service { link } = self.granted(Call::Service, deadline)? else {
-            return Err(ConnectError::BadAnswer { what: "for a service" });
+            return Err(ConnectError::BadAnswer("for a service"));
         };
         let node = self.link(link)?.node()?;
         let client = open_compute(&node).map_err(|error| self.of_service(error))?;
@@ -206,7 +202,7 @@ impl Control {
     pub(crate) fn batch(&self, deadline: Instant) -> Result<ClaimedBatch, ConnectError> {
         let (response, descriptor) = self.exchange(Call::Batch, deadline)?;
         let granted = granted(&response, self.fingerprint)?;
-        let bad = || ConnectError::BadAnswer { what: "for batches" };
+        let bad = || ConnectError::BadAnswer("for batches");
         let memory = descriptor.filter(|_| *granted == Grant::Batch).ok_or_else(bad)?;
         ClaimedBatch::open(&memory)
             .map_err(|error| ConnectError::of_page("the area for batches", "for batches", error))
@@ -272,18 +268,18 @@ fn connect(
                 Ok(socket) if is_ours(&socket) => return Ok(socket),
                 Ok(_) => {
                     let source = io::Error::other("the server is another user's");
-                    return Err(ConnectError::Unreachable { path: folder, source });
+                    return Err(ConnectError::Unreachable(folder, source));
                 }
                 Err(error) => match error.kind() {
                     ErrorKind::NotFound | ErrorKind::ConnectionRefused => {}
                     ErrorKind::WouldBlock | ErrorKind::Interrupted => busy = true,
-                    _ => return Err(ConnectError::Unreachable { path: folder, source: error }),
+                    _ => return Err(ConnectError::Unreachable(folder, error)),
                 },
             }
         }
         if !busy {
             return Err(match supervision::given_up(domain.root(), name) {
-                Some(reason) => ConnectError::GivenUp { name: name.as_str().to_owned(), reason },
+                Some(reason) => ConnectError::GivenUp(name.as_str().to_owned(), reason),
                 None => ConnectError::no_server(name.as_str(), domain),
             });
         }
@@ -318,8 +314,8 @@ fn failed(
             let timeout = start.elapsed();
             ConnectError::NoAnswer { name, timeout, life: life() }
         }
-        NoResponse::OtherVersion(found) => ConnectError::WrongVersion { found },
-        NoResponse::Nonsense => ConnectError::BadAnswer { what: "to a call" },
+        NoResponse::OtherVersion(found) => ConnectError::WrongVersion(found),
+        NoResponse::Nonsense => ConnectError::BadAnswer("to a call"),
     }
 }
 

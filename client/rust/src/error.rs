@@ -14,29 +14,19 @@ use crate::life::Life;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// No server has this name in this domain.
+    /// No server has this name in this domain: the name, the domain's folder.
     #[error(
-        "no server named `{name}` runs below {}; start one with `sarrus serve --name {name}`, or \
+        "no server named `{0}` runs below {root}; start one with `sarrus serve --name {0}`, or \
          name its folder in SARRUS_ROOT",
-        root.display()
+        root = .1.display()
     )]
-    NoServer {
-        /// The name.
-        name: String,
-        /// The domain's folder, where servers of other domains are not found.
-        root: PathBuf,
-    },
-    /// The server's supervisor has given up.
+    NoServer(String, PathBuf),
+    /// The server's supervisor has given up: the server's name, the reason.
     #[error(
-        "the server `{name}` was given up by its supervisor: {reason}; see to that and start it \
+        "the server `{0}` was given up by its supervisor: {1}; see to that and start it \
          again"
     )]
-    GivenUp {
-        /// The name.
-        name: String,
-        /// Why.
-        reason: String,
-    },
+    GivenUp(String, String),
     /// A server has this name but does not answer.
     #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
@@ -47,41 +37,26 @@ pub enum ConnectError {
         /// The state of the server's process and heartbeat.
         life: Life,
     },
-    /// The server's socket cannot be used.
+    /// The server's socket cannot be used: its folder, the system's error.
     #[error(
-        "the server's folder {} cannot be used: {source}; see whose it is, and whether this \
+        "the server's folder {path} cannot be used: {1}; see whose it is, and whether this \
          process may open more files",
-        path.display()
+        path = .0.display()
     )]
-    Unreachable {
-        /// The folder.
-        path: PathBuf,
-        /// The operating system's error.
-        source: io::Error,
-    },
+    Unreachable(PathBuf, #[source] io::Error),
     /// No CAN bridge has this name.
-    #[error("no bridge named `{name}` runs; start one with `sarrus-can run CONFIG --name {name}`")]
-    NoBridge {
-        /// The name.
-        name: String,
-    },
+    #[error("no bridge named `{0}` runs; start one with `sarrus-can run CONFIG --name {0}`")]
+    NoBridge(String),
     /// A bridge has this name but publishes nothing.
+    #[error("the bridge `{0}` tells no state; see whether its process is stopped or has crashed")]
+    SilentBridge(String),
+    /// The server speaks this version of the protocol; zero where its payloads are so different
+    /// that it cannot be asked.
     #[error(
-        "the bridge `{name}` tells no state; see whether its process is stopped or has crashed"
-    )]
-    SilentBridge {
-        /// The name.
-        name: String,
-    },
-    /// The server speaks another version of the protocol.
-    #[error(
-        "the server speaks protocol version {found}, expected {PROTOCOL_VERSION}; use client and \
+        "the server speaks protocol version {0}, expected {PROTOCOL_VERSION}; use client and \
          server of one version"
     )]
-    WrongVersion {
-        /// The server's version; zero where its payloads are so different that it cannot be asked.
-        found: u32,
-    },
+    WrongVersion(u32),
     /// The server holds another model than the one expected.
     #[error(
         "the server holds the model {found:016x}, expected {expected:016x}; connect anew to use \
@@ -122,42 +97,28 @@ pub enum ConnectError {
     /// The server is stopping.
     #[error("the server is stopping; connect again when it is back")]
     ShuttingDown,
-    /// The server's answer makes no sense.
+    /// The server's answer to this request makes no sense.
     #[error(
-        "the server's answer {what} makes no sense to this client; use client and server of one \
+        "the server's answer {0} makes no sense to this client; use client and server of one \
          version"
     )]
-    BadAnswer {
-        /// The refused request.
-        what: &'static str,
-    },
-    /// The server failed.
-    #[error("the server could not take this client: {reason}")]
-    Failed {
-        /// The server's reason.
-        reason: String,
-    },
-    /// The shared memory is too full for another client.
+    BadAnswer(&'static str),
+    /// The server failed, for this reason.
+    #[error("the server could not take this client: {0}")]
+    Failed(String),
+    /// The shared memory, with so many bytes free, is too full for another client.
     #[error(
         "/dev/shm has {} KiB left, too few for another client; remove what is not needed there \
          (`sarrus tidy`) or give it more room",
-        free / 1024
+        .0 / 1024
     )]
-    NoSpace {
-        /// Free shared memory `[byte]`.
-        free: u64,
-    },
-    /// This process has too little memory for a connection.
+    NoSpace(u64),
+    /// This process has too little memory for a part of a connection: the part, the system's error.
     #[error(
-        "this process has no memory left for {what} of the server: {source}; give it more, \
+        "this process has no memory left for {0} of the server: {1}; give it more, \
          `ulimit -v`, or let it hold less"
     )]
-    NoMemory {
-        /// The memory to be mapped.
-        what: &'static str,
-        /// The operating system's error.
-        source: io::Error,
-    },
+    NoMemory(&'static str, #[source] io::Error),
     /// The shared memory cannot be entered.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -171,18 +132,14 @@ pub enum ConnectError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The server is gone and did not come back in time. The next request looks for it again.
+    /// The server is gone and did not come back in time: its name, the waiting time. The next
+    /// request looks for it again.
     #[error(
-        "the server `{name}` is gone, waited {} s for it; start it again, the next request finds \
+        "the server `{0}` is gone, waited {s} s for it; start it again, the next request finds \
          it",
-        timeout.as_secs_f64()
+        s = .1.as_secs_f64()
     )]
-    ServerGone {
-        /// The server's name.
-        name: String,
-        /// The waiting time.
-        timeout: Duration,
-    },
+    ServerGone(String, Duration),
     /// The server is alive but did not answer in time.
     #[error("the server `{name}` gave no answer within {} s: {life}", seconds(timeout))]
     NoAnswer {
@@ -199,18 +156,12 @@ pub enum Error {
     /// The query cannot be planned.
     #[error("{0}")]
     Query(QueryError),
-    /// The server cannot plan the query.
-    #[error("the server cannot plan this: {reason}")]
-    NotPlanned {
-        /// The server's reason.
-        reason: String,
-    },
+    /// The server cannot plan the query, for this reason.
+    #[error("the server cannot plan this: {0}")]
+    NotPlanned(String),
     /// All names in a query that are unknown.
-    #[error("{}", lines(names))]
-    UnknownNames {
-        /// The names.
-        names: Vec<UnknownName>,
-    },
+    #[error("{}", lines(.0))]
+    UnknownNames(Vec<UnknownName>),
     /// An array does not fit this robot.
     #[error("`{}` has {found} numbers, expected {expected}", field.name())]
     WrongSize {
@@ -278,14 +229,14 @@ fn seconds(timeout: &Duration) -> String {
 
 impl ConnectError {
     pub(crate) fn no_server(name: &str, domain: &Domain) -> ConnectError {
-        ConnectError::NoServer { name: name.to_owned(), root: domain.root().to_owned() }
+        ConnectError::NoServer(name.to_owned(), domain.root().to_owned())
     }
 
     pub(crate) fn of_service(name: &str, domain: &Domain, error: ServiceError) -> ConnectError {
         match error {
-            ServiceError::Absent { .. } => ConnectError::no_server(name, domain),
-            ServiceError::OtherVersion { .. } => ConnectError::WrongVersion { found: 0 },
-            ServiceError::Full { limit, .. } => ConnectError::NoFreeSlot {
+            ServiceError::Absent(_) => ConnectError::no_server(name, domain),
+            ServiceError::OtherVersion(..) => ConnectError::WrongVersion(0),
+            ServiceError::Full(_, limit) => ConnectError::NoFreeSlot {
                 transport: "ports of the server",
                 limit,
                 holder: None,
@@ -312,8 +263,8 @@ impl ConnectError {
         source: io::Error,
     ) -> ConnectError {
         match source.kind() {
-            io::ErrorKind::OutOfMemory => ConnectError::NoMemory { what: page, source },
-            _ => ConnectError::BadAnswer { what: answer },
+            io::ErrorKind::OutOfMemory => ConnectError::NoMemory(page, source),
+            _ => ConnectError::BadAnswer(answer),
         }
     }
 
@@ -321,8 +272,8 @@ impl ConnectError {
     pub(crate) fn may_pass(&self) -> bool {
         matches!(
             self,
-            ConnectError::NoServer { .. }
-                | ConnectError::GivenUp { .. }
+            ConnectError::NoServer(..)
+                | ConnectError::GivenUp(..)
                 | ConnectError::NoAnswer { .. }
                 | ConnectError::ShuttingDown
                 | ConnectError::Service(_)
@@ -336,7 +287,7 @@ impl ConnectError {
     ) -> ConnectError {
         let holder = response.holder;
         match refusal {
-            Refusal::WrongVersion => ConnectError::WrongVersion { found: response.version },
+            Refusal::WrongVersion => ConnectError::WrongVersion(response.version),
             Refusal::WrongModel => {
                 ConnectError::WrongModel { found: response.fingerprint, expected }
             }
@@ -362,10 +313,10 @@ impl ConnectError {
             Refusal::TooManyOrders { process, per_second } => {
                 ConnectError::TooManyOrders { process: *process, per_second: *per_second }
             }
-            Refusal::NoSpace { free, .. } => ConnectError::NoSpace { free: *free },
+            Refusal::NoSpace { free, .. } => ConnectError::NoSpace(*free),
             Refusal::Stopping => ConnectError::ShuttingDown,
-            Refusal::Failed { reason } => ConnectError::Failed { reason: reason.clone() },
-            _ => ConnectError::BadAnswer { what: "to an attach" },
+            Refusal::Failed { reason } => ConnectError::Failed(reason.clone()),
+            _ => ConnectError::BadAnswer("to an attach"),
         }
     }
 }

@@ -250,7 +250,7 @@ impl<'a> QueryBuilder<'a> {
     /// [`Error::UnknownNames`] with every unknown name; else as [`Robot::prepare`].
     pub fn prepare(self) -> Result<PlanId, Error> {
         if !self.unknown.is_empty() {
-            return Err(Error::UnknownNames { names: self.unknown });
+            return Err(Error::UnknownNames(self.unknown));
         }
         if let Some(error) = self.too_many {
             return Err(Error::Query(error));

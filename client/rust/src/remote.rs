@@ -57,12 +57,12 @@ impl Remote {
         let control =
             Control::open(&domain, &name, options.fingerprint, deadline).map_err(waited)?;
         let info = control.model(deadline).map_err(waited)?;
-        let fingerprint = control.fingerprint();
+        let fingerprint = control.fingerprint;
         let session = Session::open(control, &Plans::new(), options.transport, deadline);
         let session = Some(session.map_err(|error| match error {
             Error::Connect(error) => waited(error),
             // without plans only attaching can fail
-            _ => ConnectError::BadAnswer { what: "to an attach" },
+            _ => ConnectError::BadAnswer("to an attach"),
         })?);
         let process = process_number();
         Ok((Remote { session, domain, name, options, fingerprint, sequence: 0, process }, info))
@@ -245,11 +245,8 @@ impl Remote {
             let retry = RETRY[usize::from(start.elapsed() > QUICK)];
             if Instant::now() + retry >= deadline {
                 return Err(match error {
-                    ConnectError::NoServer { .. } | ConnectError::ShuttingDown => {
-                        Error::ServerGone {
-                            name: self.name.as_str().to_owned(),
-                            timeout: self.options.timeout,
-                        }
+                    ConnectError::NoServer(..) | ConnectError::ShuttingDown => {
+                        Error::ServerGone(self.name.as_str().to_owned(), self.options.timeout)
                     }
                     other => other.waited(self.options.timeout).into(),
                 });

@@ -13,7 +13,7 @@ const ATTRIBUTES: [&str; 17] = [
     "izz", "lower", "upper", "effort", "velocity",
 ];
 
-/// What both readers say of one element: its name, and the numbers of the walk and of urdf-rs.
+/// An element as both readers have it: its name, and the numbers of the walk and of urdf-rs.
 type Reading = (&'static str, Vec<f64>, Vec<f64>);
 
 /// Compares both readings of a file whose links and joints the walk has read without an error, and

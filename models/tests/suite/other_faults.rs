@@ -100,7 +100,7 @@ fn faults_of_both_files_are_reported_at_once_in_the_order_of_their_positions() {
 fn a_file_that_cannot_be_opened_is_no_fault_of_its_content() {
     let missing = std::env::temp_dir().join("sarrus-models-no-such-file.urdf");
     let source = Source::Files { urdf: missing.clone(), submechanisms: None };
-    let Err(error @ LoadError::Open { .. }) = load(&source, &Options::default()) else { panic!() };
+    let Err(error @ LoadError::Open(..)) = load(&source, &Options::default()) else { panic!() };
     let expected = format!(
         "cannot open {}: No such file or directory (os error 2); give the path of a readable file",
         missing.display()
@@ -114,7 +114,8 @@ fn an_unknown_robot_is_reported_with_the_nearest() {
         panic!()
     };
     let expected = "there is no bundled robot `stewert`; expected one of lambda, torso, ankle, parallelogram, stewart, wrist, r3_lambda_r, \
-        rh5v2_upper_body, rh5v2_full, four_bars_2, five_bar, squeezer, bricard, delta, active_ankle, stewart_floating; did you mean `stewart`?";
+        rh5v2_upper_body, rh5v2_full, four_bars_2, five_bar, squeezer, bricard, delta, active_ankle, stewart_floating, \
+        g1_ankle, jansen, three_rrr, gripper, bennett, agile_eye, wheel_leg, delta_balls, cassie_leg; did you mean `stewart`?";
     assert_eq!(error.to_string(), expected);
 }
 

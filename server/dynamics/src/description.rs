@@ -135,7 +135,7 @@ pub struct Motor {
     /// Time constant of its winding's temperature `[s]`; infinite where it is not known.
     pub thermal_time: f64,
     /// Stiffness of the spring between it and the joint `[N/m, N m/rad]`; infinite where it is
-    /// rigid. No computation reads it.
+    /// rigid. Simulations alone read it.
     pub series_stiffness: f64,
     /// Largest force over speed, (speed, force) by ascending speed with straight lines between,
     /// along the motion and against it; empty without such a limit.

@@ -32,7 +32,8 @@ const ROWS: &str = "-DSARRUS_ROWS";
 /// arguments: `ccache gcc`, `gcc -m64`.
 #[derive(Clone, Debug)]
 pub struct Compiler {
-    command: String,
+    /// The value of `CC`.
+    pub(crate) command: String,
     name: String,
 }
 
@@ -84,12 +85,6 @@ impl Compiler {
         command
     }
 
-    /// The value of `CC`.
-    #[cfg(feature = "load")]
-    pub(crate) fn command(&self) -> &str {
-        &self.command
-    }
-
     /// Writes the files of a source into a folder, which is made where it is missing.
     pub fn write(source: &Source, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
         let files = [(".c", &source.function), (".h", &source.header), ("_test.c", &source.test)];
@@ -130,7 +125,7 @@ impl Compiler {
     ) -> Result<PathBuf, BuildError> {
         let is_instrument = |word: &&str| INSTRUMENTS.iter().any(|flag| word.starts_with(flag));
         if let Some(flag) = self.command.split_whitespace().find(is_instrument) {
-            return Err(BuildError::Flag { flag: flag.to_owned() });
+            return Err(BuildError::Flag(flag.to_owned()));
         }
         let [from, to] = [".c", ".so"].map(|end| folder.join(source.name.clone() + end));
         // a compiler may write through a link or into a pipe

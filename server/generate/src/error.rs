@@ -18,15 +18,12 @@ pub enum GenerateError {
         .0.name()
     )]
     Field(Field),
-    /// More operations than a compiler takes in reasonable time.
+    /// More operations than this, the most that a compiler takes in reasonable time.
     #[error(
-        "more than {most} operations: compilers take minutes for them; pick joints or frames, or \
+        "more than {0} operations: compilers take minutes for them; pick joints or frames, or \
          ask the generic kernels"
     )]
-    TooLarge {
-        /// The bound.
-        most: usize,
-    },
+    TooLarge(usize),
     /// No state was found that has an answer without warnings.
     #[error(
         "none of {tried} random states has an answer without warnings (the last: {})",
@@ -38,27 +35,21 @@ pub enum GenerateError {
         /// How the last one ended.
         last: Status,
     },
-    /// The code would leave every state to the generic kernels.
+    /// The code would leave every one of so many states to the generic kernels.
     #[error(
-        "the code would answer none of {states} states: some quotient or angle is of a zero whose \
+        "the code would answer none of {0} states: some quotient or angle is of a zero whose \
          sign it cannot know; want other fields"
     )]
-    Unserved {
-        /// How many were tried.
-        states: usize,
-    },
+    Unserved(usize),
     /// The kernels did something that is not a straight line.
     #[error("the kernels take a decision by a number that cannot be traced")]
     NotStraight,
     /// Lengths that are to be inputs.
     #[error("these lengths do not move the points of the robot along straight lines")]
     Lengths,
-    /// The traced code is not the kernel.
-    #[error("traced and generic numbers differ at input {input:?}")]
-    Differs {
-        /// Where.
-        input: Vec<f64>,
-    },
+    /// The traced code is not the kernel at this input.
+    #[error("traced and generic numbers differ at input {0:?}")]
+    Differs(Vec<f64>),
 }
 
 /// For the message above.
@@ -92,12 +83,9 @@ pub enum BuildError {
         /// The bound `[s]`.
         seconds: u64,
     },
-    /// `CC` has a flag that adds code of its own.
-    #[error("CC has {flag}, whose code no other program can load; remove it")]
-    Flag {
-        /// The flag.
-        flag: String,
-    },
+    /// `CC` has this flag, and it adds code of its own.
+    #[error("CC has {0}, whose code no other program can load; remove it")]
+    Flag(String),
     /// The caller cancelled it.
     #[error("cancelled")]
     Cancelled,

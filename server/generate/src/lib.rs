@@ -43,7 +43,8 @@ pub use kernel::{Kernel, Outcome};
 pub use lengths::Lengths;
 #[cfg(feature = "load")]
 pub use load::{
-    Cache, CacheError, LoadError, Made, MakeError, NativeKernel, ObjectFile, Origin, Trial,
+    Cache, CacheError, LoadError, LoadFault, Made, MakeError, NativeKernel, ObjectFile, Origin,
+    Trial,
 };
 pub use manifest::{Manifest, bare_query};
 pub use run::Cancel;

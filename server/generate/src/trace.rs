@@ -112,7 +112,7 @@ impl Kernel {
         }
         let kernel = match (best, refused) {
             (Some((1.., kernel)), _) => kernel,
-            (Some(_), _) => return Err(GenerateError::Unserved { states: states.len() }),
+            (Some(_), _) => return Err(GenerateError::Unserved(states.len())),
             (None, Some(error)) => return Err(error),
             (None, None) => return Err(GenerateError::NoState { tried: TRIED as usize, last }),
         };
@@ -186,7 +186,7 @@ pub(crate) fn recorded(
     let record = recorder::take();
     let output = match (record.obstacle, output) {
         (None, Some(output)) => output,
-        (Some(Obstacle::TooLarge), _) => return Err(GenerateError::TooLarge { most: RECORDED }),
+        (Some(Obstacle::TooLarge), _) => return Err(GenerateError::TooLarge(RECORDED)),
         _ => return Err(GenerateError::NotStraight),
     };
     let Record { graph, decisions, mut checks, dropped, limited, .. } = record;
@@ -211,7 +211,7 @@ pub(crate) fn recorded(
     let kernel = prune::pruned(kernel, &dropped);
     Lengths::check(&kernel.operations)?;
     if kernel.operations.len() > COMPILED {
-        return Err(GenerateError::TooLarge { most: COMPILED });
+        return Err(GenerateError::TooLarge(COMPILED));
     }
     Ok(kernel)
 }
@@ -287,7 +287,7 @@ impl<'a> Generic<'a> {
         if status == Status::Ok && warnings == expected && same {
             Ok(())
         } else {
-            Err(GenerateError::Differs { input: input.to_vec() })
+            Err(GenerateError::Differs(input.to_vec()))
         }
     }
 }

@@ -145,7 +145,7 @@ impl Code {
             let closures = model.closures().iter();
             let newton = closures.filter(|closure| closure.kind == ClosureKind::Numerical);
             let names: Vec<&str> = newton.map(|closure| closure.name.as_str()).collect();
-            return Err(ShowError::Newton { closures: names.join(", ") });
+            return Err(ShowError::Newton(names.join(", ")));
         }
         let states = script.states.iter().take(STATES).map(|row| format!("  {row},\n"));
         let states: String = states.collect();

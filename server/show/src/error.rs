@@ -11,13 +11,10 @@ pub enum ShowError {
     /// Its loops are closed in a way that pages do not have: by a choice among redundant rows,
     /// along tangents where assemblies meet, after a closed form, or by joints of several freedoms.
     #[error(
-        "pages do not close the loops of {closures}, which need more than Newton's method on one \
+        "pages do not close the loops of {0}, which need more than Newton's method on one \
          set of rows; `sarrus simulate` draws the robot"
     )]
-    Newton {
-        /// The submechanisms.
-        closures: String,
-    },
+    Newton(String),
     /// A mechanism with lengths at which it cannot be assembled.
     #[error("{mechanism} is not closed with these lengths at y = 0: {error}")]
     Lengths {

@@ -18,22 +18,12 @@ pub enum SimulationError {
         /// The quantity that they stand for.
         names: String,
     },
-    /// A number is NaN or infinite.
-    #[error("{what}: number {at} is not finite, expected finite numbers", at = .index + 1)]
-    NotFinite {
-        /// Which list.
-        what: String,
-        /// Which number, from 0.
-        index: usize,
-    },
-    /// A quaternion is not of unit length.
-    #[error("{what}: a quaternion is {by:e} off unit length, expected one within 1e-6 of it")]
-    NotUnit {
-        /// Which list.
-        what: String,
-        /// How far.
-        by: f64,
-    },
+    /// A number is NaN or infinite: the list, its place there from 0.
+    #[error("{0}: number {at} is not finite, expected finite numbers", at = .1 + 1)]
+    NotFinite(String, usize),
+    /// A quaternion is not of unit length: the list, the difference of its length from 1.
+    #[error("{0}: a quaternion is {1:e} off unit length, expected one within 1e-6 of it")]
+    NotUnit(String, f64),
     /// A time, step or tolerance that is none.
     #[error("{what} is {found}, expected {expected}")]
     Setting {
@@ -53,14 +43,11 @@ pub enum SimulationError {
         /// The fault.
         found: &'static str,
     },
-    /// A gain on a joint of several freedoms.
+    /// A gain on this joint of several freedoms.
     #[error(
-        "kp is not zero at {name}, expected gains on joints of one freedom; the joint has several"
+        "kp is not zero at {0}, expected gains on joints of one freedom; the joint has several"
     )]
-    GainOnFreeJoint {
-        /// The velocity's name.
-        name: String,
-    },
+    GainOnFreeJoint(String),
     /// A spring ends on a link that is none, or has a constant that is none.
     #[error("spring {at}: {found}, expected {expected}", at = .spring + 1)]
     Spring {
@@ -108,7 +95,7 @@ impl SimulationError {
             });
         }
         match numbers.iter().position(|x| !x.is_finite()) {
-            Some(index) => Err(SimulationError::NotFinite { what: what.to_owned(), index }),
+            Some(index) => Err(SimulationError::NotFinite(what.to_owned(), index)),
             None => Ok(()),
         }
     }

@@ -7,7 +7,7 @@ use crate::error::SimulationError;
 /// A plan with its input and output.
 #[derive(Clone, Debug)]
 pub(crate) struct Planned<T> {
-    plan: Plan,
+    pub(crate) plan: Plan,
     input: Vec<T>,
     output: Vec<T>,
 }
@@ -18,10 +18,6 @@ impl<T: PlanScalar> Planned<T> {
         let n = plan.given().len();
         let m = plan.want().len();
         Ok(Planned { plan, input: vec![T::ZERO; n], output: vec![T::ZERO; m] })
-    }
-
-    pub(crate) fn plan(&self) -> &Plan {
-        &self.plan
     }
 
     /// Sets a given field; one that the plan does not take is left out.

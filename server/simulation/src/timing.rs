@@ -16,6 +16,8 @@ use crate::planned::Planned;
 
 /// By how much of a limit a motion may exceed it between the points of the grid.
 pub const ALLOWED: f64 = 1e-3;
+/// Least size of the limit of a force at a speed, as a part of that at rest.
+const LEAST: f64 = 1e-6;
 /// Intervals of the grid in all, and least number of them between two rows.
 const INTERVALS: usize = 400;
 const BETWEEN: usize = 2;
@@ -175,7 +177,7 @@ impl Timing<'_> {
                 velocity: limits.velocity.unwrap_or(f64::INFINITY),
             })
         });
-        let workspace = Workspace::for_plans(model, [planned.plan()]);
+        let workspace = Workspace::for_plans(model, [&planned.plan]);
         Ok(Timing { model, workspace, planned, joints: joints.collect() })
     }
 
@@ -312,16 +314,21 @@ impl Timing<'_> {
         Ok((x, u))
     }
 
-    /// The largest part of a limit by which a state exceeds it.
+    /// The largest part of a limit by which a state exceeds it: of a force that on its side at its
+    /// speed, of a position the largest one of the joint.
     fn excess(&mut self, place: f64, [y, yd, ydd]: &[Vec<f64>; 3]) -> Result<f64, (f64, Stop)> {
         self.run(place, [y, yd, ydd]).map_err(|stop| (f64::INFINITY, stop))?;
         let mut worst = (0.0, None);
-        let mut look = |value: f64, [lower, upper]: [f64; 2], stop: &dyn Fn() -> Stop| {
-            let size = lower.abs().max(upper.abs());
-            let over = (value - upper).max(lower - value) / size;
-            if size.is_finite() && over > worst.0 {
-                worst = (over, Some(stop()));
-            }
+        let mut look =
+            |value: f64, [lower, upper]: [f64; 2], least: f64, stop: &dyn Fn() -> Stop| {
+                let part = |over: f64, limit: f64| over / limit.abs().max(least);
+                let over = part(value - upper, upper).max(part(lower - value, lower));
+                if over > worst.0 {
+                    worst = (over, Some(stop()));
+                }
+            };
+        let size = |limits: [f64; 2]| {
+            limits.iter().filter(|x| x.is_finite()).fold(0.0, |most: f64, x| most.max(x.abs()))
         };
         for of in &self.joints {
             let limits = [-of.velocity, of.velocity];
@@ -330,7 +337,7 @@ impl Timing<'_> {
                 ("velocity", self.planned.get(Field::Qd)[of.v], limits),
             ] {
                 let name = || of.name.clone();
-                look(value, limits, &|| Stop::Limit {
+                look(value, limits, size(limits), &|| Stop::Limit {
                     row: place,
                     what,
                     name: name(),
@@ -341,7 +348,9 @@ impl Timing<'_> {
         }
         for (k, value) in self.planned.get(Field::TauU).iter().enumerate() {
             let limits = self.forces(k, self.planned.get(Field::Ud)[k]);
-            look(*value, limits, &|| self.limit(place, k, *value, limits));
+            // the limit at this speed, which falls to zero at the greatest
+            let least = LEAST * size(self.forces(k, 0.0));
+            look(*value, limits, least, &|| self.limit(place, k, *value, limits));
         }
         match worst {
             (over, Some(stop)) if over > ALLOWED => Err((over, stop)),

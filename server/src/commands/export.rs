@@ -6,7 +6,7 @@ use clap::Args;
 use sarrus_client::Options;
 use sarrus_dynamics::description::Description;
 use sarrus_models::{Exported, Source, Target, export, load};
-use sarrus_report::peer::exported::{Deviation, Difference, deviation, pythons};
+use sarrus_report::peer::exported::{Deviation, Difference, Found, deviation, pythons};
 use serde::Serialize;
 
 use super::output::{Failure, FormatFlag, Outcome, Results, file_name, labelled, write_new};
@@ -73,8 +73,8 @@ impl Export {
             Target::Sdf => with("Drake", file("sdf"))?,
             Target::Urdf => again(&files, &held, &options)?,
         };
-        let is_finding = matches!(&deviation, Deviation::Measured { rows, .. }
-            if rows.iter().any(|row| row.is_finding()));
+        let is_finding = matches!(&deviation, Deviation::Measured(found)
+            if found.rows.iter().any(|row| row.is_finding()));
         let written = Written { files, deviation };
         let text = self.format.render(&written, in_words);
         Ok(Results { text, code: u8::from(is_finding) })
@@ -93,7 +93,7 @@ fn again(files: &[PathBuf], held: &Description, options: &Options) -> Result<Dev
         quantity: "fingerprint".to_owned(),
         difference: if written == own { 0.0 } else { f64::INFINITY },
     }];
-    Ok(Deviation::Measured { engine: "sarrus".to_owned(), why: String::new(), rows })
+    Ok(Deviation::Measured(Found { engine: "sarrus".to_owned(), why: String::new(), rows }))
 }
 
 /// The files, and a line for each quantity.
@@ -102,7 +102,7 @@ fn in_words(written: &Written) -> String {
         written.files.iter().map(|file| format!("{}\n", file.display())).collect();
     match &written.deviation {
         Deviation::NotRun(why) => text += &labelled("deviation", format!("not run: {why}")),
-        Deviation::Measured { engine, why, rows } => {
+        Deviation::Measured(Found { engine, why, rows }) => {
             text += &labelled("deviation", format!("by {engine}, by size"));
             for Difference { quantity, difference } in rows {
                 let why =

@@ -212,13 +212,13 @@ pub(crate) fn labelled(label: &str, text: impl std::fmt::Display) -> String {
     format!("{label:<12} {text}\n")
 }
 
-/// Rows under heads, columns aligned: numbers to the right, words to the left.
-pub(crate) fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
+/// Rows under heads, which bars separate, columns aligned: numbers to the right, words to the left.
+pub(crate) fn table(heads: &str, rows: &[Vec<String>]) -> String {
     let is_number = |cell: &String| cell.starts_with(|first: char| first.is_ascii_digit());
     let mut lines = vec![String::new(); rows.len() + 1];
-    for (k, head) in heads.iter().enumerate() {
+    for (k, head) in heads.split(" | ").enumerate() {
         let column = || rows.iter().filter_map(|row| row.get(k));
-        let cells = || [*head].into_iter().chain(column().map(String::as_str));
+        let cells = || [head].into_iter().chain(column().map(String::as_str));
         let width = cells().map(|cell| cell.chars().count()).max().unwrap_or(0);
         let right = column().all(is_number);
         for (line, cell) in lines.iter_mut().zip(cells()) {
@@ -240,10 +240,8 @@ mod tests {
     fn tables_align_words_left_and_numbers_right() {
         let rows =
             [vec!["ä".to_owned(), "7".to_owned()], vec!["long".to_owned(), "123".to_owned()]];
-        assert_eq!(table(&["name", "n"], &rows), "name    n\nä       7\nlong  123\n");
-        assert_eq!(
-            table(&["name", "about"], &[vec![String::new(), "x".to_owned()]]),
-            "name  about\n      x\n"
-        );
+        assert_eq!(table("name | n", &rows), "name    n\nä       7\nlong  123\n");
+        let row = vec![String::new(), "x".to_owned()];
+        assert_eq!(table("name | about", &[row]), "name  about\n      x\n");
     }
 }

@@ -108,6 +108,5 @@ fn in_words(replayed: &Replayed) -> String {
         ]
     };
     let rows: Vec<Vec<String>> = replayed.differences.iter().map(row).collect();
-    let heads = ["time", "client", "sequence", "plan", "field", "recorded", "computed"];
-    text + &table(&heads, &rows)
+    text + &table("time | client | sequence | plan | field | recorded | computed", &rows)
 }

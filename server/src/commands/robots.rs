@@ -102,5 +102,5 @@ fn in_words(lines: &[Line]) -> String {
         row
     };
     let rows: Vec<Vec<String>> = lines.iter().map(row).collect();
-    table(&["robot", "tree", "independent", "active", "loop rows", "about"], &rows)
+    table("robot | tree | independent | active | loop rows | about", &rows)
 }

@@ -131,6 +131,6 @@ impl Observation<'_> {
                 row
             })
             .collect();
-        words + &table(&["client", "has", "plans", "late"], &rows)
+        words + &table("client | has | plans | late", &rows)
     }
 }

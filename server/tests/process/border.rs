@@ -216,7 +216,7 @@ fn a_client_whose_connection_ends_before_it_is_heard_comes_again() {
         sender.send(n).unwrap();
     });
     let error = sandbox.connect("door", Transport::Lane).err().unwrap();
-    assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
+    assert!(matches!(error, ConnectError::NoServer(..)), "{error}");
     assert_eq!(refused.recv().unwrap(), 5);
     stop.join().unwrap();
     let _server = sandbox.serve("door", &[]);

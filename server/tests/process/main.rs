@@ -135,7 +135,7 @@ fn no_server_is_reported_before_the_time_out() {
     let sandbox = Sandbox::new();
     let start = Instant::now();
     let error = sandbox.connect("nobody", Transport::Lane).err().unwrap();
-    assert!(matches!(error, ConnectError::NoServer { .. }), "{error}");
+    assert!(matches!(error, ConnectError::NoServer(..)), "{error}");
     let root = sandbox.domain().root().display();
     assert_eq!(
         error.to_string(),

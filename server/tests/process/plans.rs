@@ -249,7 +249,7 @@ fn all_unknown_names_of_a_query_are_reported_at_once() {
         .frames([near.as_str()])
         .wrenches([link.as_str(), "no such thing at all"]);
     let error = query.prepare().unwrap_err();
-    let Error::UnknownNames { names } = &error else { panic!("{error}") };
+    let Error::UnknownNames(names) = &error else { panic!("{error}") };
     let found = names.iter().map(|name| (name.name.as_str(), name.nearest.as_deref()));
     assert_eq!(
         found.collect::<Vec<_>>(),

@@ -91,7 +91,7 @@ fn a_client_in_the_wrong_domain_hears_where_it_looked() {
     let there = here.another();
     let root = there.domain().root().display().to_string();
     let missing = there.connect("lost", Transport::Lane).err().unwrap();
-    assert!(matches!(missing, ConnectError::NoServer { .. }), "{missing}");
+    assert!(matches!(missing, ConnectError::NoServer(..)), "{missing}");
     let said = format!(
         "no server named `lost` runs below {root}; start one with `sarrus serve --name lost`, or \
          name its folder in SARRUS_ROOT"

@@ -62,7 +62,7 @@ fn configuration() -> Configuration {
         }
     }
     let file = |_: &str| Ok(DBC_FILE.to_owned());
-    let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
+    let robot = |_: &_| Err(LoadError::Open("robot".into(), "absent".into()));
     Configuration::read("each.yml", text.into_bytes(), &Surroundings { file: &file, robot: &robot })
         .unwrap_or_else(|report| panic!("{report}"))
 }

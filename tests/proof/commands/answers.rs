@@ -1,5 +1,6 @@
 //! Answers of `ask`: keys, order, shapes, numbers.
 
+use sarrus_tests::cases::Case;
 use sarrus_tests::reference::numbers;
 use serde_json::{Value, json};
 
@@ -374,6 +375,75 @@ fn steps_of_tasks_have_their_motion_and_name_their_limits() {
 }
 
 #[test]
+fn lines_that_cannot_be_answered_name_their_own_fault() {
+    let task = r#""tasks":[{"frame":"Elbow_Link","TASK":[0,0,0,0,0,0]}]"#;
+    let [twist, acc] = ["twist", "acc"].map(|name| task.replace("TASK", name));
+    let still = r#""contacts":["ElbowAct_Link","Elbow_Link"]"#;
+    for (request, line, words) in [
+        ("diff-ik", format!(r#"{{"y":[0.3],"dt":0,{twist}}}"#), "dt is 0"),
+        ("step", format!(r#"{{"y":[0.3],"dt":0.0,{acc}}}"#), "dt is 0"),
+        ("step", r#"{"y":[0.3],"dt":0.1,"tasks":[]}"#.to_owned(), "one or more"),
+        ("step", r#"{"y":[0.3],"dt":0.1,"frames":[]}"#.to_owned(), "no part of a step"),
+        ("ik", r#"{"tasks":[]}"#.to_owned(), "one or more"),
+        ("inverse-dynamics", r#"{"y":[0.3],"yd":[1e308]}"#.to_owned(), "so large"),
+        ("step", format!(r#"{{"y":[0.3],"yd":[0.5],"dt":0.1,{still}}}"#), "no limit"),
+    ] {
+        let answer = ask(request, "lambda", &[&line]).json().remove(0);
+        let told = answer["error"].as_str().unwrap_or_default();
+        assert!(told.contains(words), "{request} {line}: {answer}");
+    }
+}
+
+#[test]
+fn each_mechanism_of_a_robot_is_one_map_of_all_its_freedoms() {
+    let robot = "rh5v2_upper_body";
+    let model = &Case::bundled(robot).compiled.model;
+    let info = model.info();
+    let mut of_size = [0; 5];
+    let four = ["ALShoulder1", "ALShoulder2", "ALShoulder3", "ALElbow"].join(",");
+    for more in [&[][..], &["--joints", &four]] {
+        let arguments = ["capability", "--robot", robot, "--grid", "2"];
+        let mapped = run(&[&arguments, more].concat(), b"").json();
+        for map in &mapped {
+            let joints: Vec<&str> =
+                map["joints"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+            let p = joints.len();
+            let place = |name: &&str| info.independent.iter().position(|of| of == name).unwrap();
+            let places: Vec<usize> = joints.iter().map(place).collect();
+            assert_eq!(map["points"].as_array().unwrap().len(), 1 << p);
+            of_size[p] += 1;
+            for k in (0..1 << p).filter(|k| map["reachable"][*k] == json!(true)) {
+                let mut y = vec![0.0; info.independent.len()];
+                for (at, x) in places.iter().zip(numbers(&map["points"][k])) {
+                    y[*at] = x;
+                }
+                let line = json!({"y": y, "want": ["G_u", "torque_vertices"], "joints": joints});
+                let answer = one("kinematics", robot, &line.to_string());
+                // each row of G_uᵀ by itself: the largest of every choice of limits
+                let line = json!({"y": y, "want": ["G_u"]});
+                let G_u = one("kinematics", robot, &line.to_string())["G_u"].clone();
+                for (i, at) in places.iter().enumerate() {
+                    let of = |(u, name): (usize, &String)| {
+                        let v = info.tree.iter().position(|of| of == name).unwrap();
+                        let effort = info.limits[v].unwrap().effort.unwrap();
+                        numbers(&G_u[u])[*at].abs() * effort
+                    };
+                    let most: f64 = info.active.iter().enumerate().map(of).sum();
+                    let vertices = answer["torque_vertices"].as_array().unwrap();
+                    let of_vertices = vertices.iter().map(|row| numbers(row)[i]);
+                    let of_vertices = of_vertices.fold(0.0, f64::max);
+                    for found in [numbers(&map["torque_max"][k])[i], of_vertices] {
+                        assert!((found - most).abs() < 1e-9 * most, "{joints:?} {found} {most}");
+                    }
+                }
+            }
+        }
+    }
+    println!("maps by their freedoms {of_size:?}");
+    assert!(of_size[1..].iter().all(|n| *n > 0), "{of_size:?}");
+}
+
+#[test]
 fn positions_are_found_for_tasks_and_name_their_bounds() {
     let link = "ElbowAct_Link";
     let there = format!(r#"{{"y":[0.3],"frames":["{link}"],"want":["frames"]}}"#);
@@ -493,6 +563,46 @@ fn failed_states_say_why_and_have_null_for_their_numbers() {
 fn limits_are_a_warning_that_changes_nothing_else() {
     let answer = one("kinematics", "lambda", r#"{"y":[3.0],"want":["y"]}"#);
     assert_eq!(answer, json!({"status": "ok", "warnings": ["limits_exceeded"], "y": [3.0]}));
+}
+
+#[test]
+fn an_exceeded_force_has_the_limit_at_its_speed() {
+    let folder = Folder::new("motor");
+    let urdf = folder.file(
+        "a.urdf",
+        r#"<robot name="arm"><link name="base"/><link name="bob"><inertial>
+        <origin xyz="0 0 -0.5"/><mass value="2"/>
+        <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+        <joint name="pivot" type="continuous"><parent link="base"/><child link="bob"/>
+        <axis xyz="0 1 0"/></joint></robot>"#,
+    );
+    let yml = folder.file(
+        "a.yml",
+        "submechanisms:\n- {type: 1R, contextual_name: arm, jointnames_spanningtree: [pivot], \
+         jointnames_independent: [pivot], jointnames_active: [pivot]}\nactuators:\n- joint: pivot\n  \
+         torque_speed: [[10, 20], [30, 10]]\n",
+    );
+    let files = ["--urdf", &urdf, "--submechanisms", &yml];
+    let of = |want: Value| {
+        let line = json!({"y": [0.0], "yd": [20.0], "ydd": [32.0], "want": want}).to_string();
+        let arguments = [&["ask", "inverse-dynamics"], &files[..]].concat();
+        run(&arguments, line.as_bytes()).json().remove(0)
+    };
+    let answer = of(json!(["limits", "tau_u", "margin"]));
+    assert_eq!(answer["warnings"], json!(["limits_exceeded"]));
+    let tau = numbers(&answer["tau_u"])[0];
+    let limit = &answer["limits"][0];
+    assert_eq!((&limit["name"], &limit["what"]), (&json!("pivot"), &json!("effort")));
+    assert_eq!((&limit["value"], &limit["lower"]), (&json!(tau), &json!(-20.0)));
+    assert!((limit["upper"].as_f64().unwrap() - 15.0).abs() < 1e-12, "{limit}");
+    assert!((answer["margin"].as_f64().unwrap() * tau - 15.0).abs() < 1e-12, "{answer}");
+    // without `tau_u` the same warning, and no value
+    let answer = of(json!(["limits", "margin"]));
+    assert_eq!(answer["warnings"], json!(["limits_exceeded"]));
+    assert_eq!(
+        (&answer["limits"][0]["value"], answer["limits"][0]["what"].as_str()),
+        (&Value::Null, Some("effort"))
+    );
 }
 
 #[test]

@@ -26,6 +26,7 @@ fn a_valid_robot_is_one_object_with_every_order() {
             "loops",
             "closures",
             "bound",
+            "actuators",
             "dimensions",
             "warnings",
             "errors",

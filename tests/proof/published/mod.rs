@@ -5,6 +5,7 @@
 
 mod bricard;
 mod cuts;
+mod linkages;
 mod planar;
 mod platforms;
 mod squeezer;

@@ -59,10 +59,7 @@ impl Check {
                 }
                 ExitCode::from(1)
             }
-            Err(error) => {
-                eprintln!("sarrus-can check: {error}");
-                ExitCode::from(2)
-            }
+            Err(error) => crate::failed("check", error),
         }
     }
 }
@@ -98,9 +95,7 @@ fn text(configuration: &Configuration) -> String {
         configuration.buses.len(),
         configuration.rate_hz
     );
-    let mut rows = vec![
-        ["bus", "channel", "bit rate", "frames", "longest", "load"].map(String::from).to_vec(),
-    ];
+    let mut rows = Vec::new();
     for (bus, load) in configuration.buses.iter().zip(bus_load::loads(configuration)) {
         let data = bus.data_bitrate.map(|rate| format!(" / {rate}")).unwrap_or_default();
         rows.push(vec![
@@ -112,26 +107,11 @@ fn text(configuration: &Configuration) -> String {
             format!("{:.0} %", load.fraction * 100.0),
         ]);
     }
-    table(&mut out, &rows);
+    table(&mut out, "bus | channel | bit rate | frames | longest | load", &rows);
     out.push('\n');
-    let mut rows = vec![
-        [
-            "actuator",
-            "bus",
-            "protocol",
-            "mode",
-            "sign",
-            "gear",
-            "offset",
-            "effort",
-            "watchdog",
-            "frozen encoder",
-            "stops together with",
-            "command of zeros",
-        ]
-        .map(String::from)
-        .to_vec(),
-    ];
+    let head = "actuator | bus | protocol | mode | sign | gear | offset | effort | watchdog \
+        | frozen encoder | stops together with | command of zeros";
+    let mut rows = Vec::new();
     for motor in &configuration.motors {
         let name =
             |actuator: usize| configuration.actuators.get(actuator).cloned().unwrap_or_default();
@@ -157,20 +137,19 @@ fn text(configuration: &Configuration) -> String {
             zero(motor).join(" "),
         ]);
     }
-    table(&mut out, &rows);
+    table(&mut out, head, &rows);
     out
 }
 
-/// Columns as wide as their widest entry.
-pub(crate) fn table(out: &mut String, rows: &[Vec<String>]) {
-    let columns = rows.first().map_or(0, Vec::len);
-    let widths: Vec<usize> = (0..columns)
-        .map(|column| {
-            let entries = rows.iter().filter_map(|row| row.get(column));
-            entries.map(|entry| entry.chars().count()).max().unwrap_or(0)
-        })
-        .collect();
-    for row in rows {
+/// Columns as wide as their widest entry; bars separate the names in the head.
+pub(crate) fn table(out: &mut String, head: &str, rows: &[Vec<String>]) {
+    let head: Vec<String> = head.split(" | ").map(str::to_owned).collect();
+    let rows = || [&head].into_iter().chain(rows);
+    let width = |column: usize| {
+        rows().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max()
+    };
+    let widths: Vec<usize> = (0..head.len()).map(|column| width(column).unwrap_or(0)).collect();
+    for row in rows() {
         let line: Vec<String> =
             row.iter().zip(&widths).map(|(entry, width)| format!("{entry:<width$}")).collect();
         let _ = writeln!(out, "{}", line.join("  ").trim_end());

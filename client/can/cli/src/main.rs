@@ -112,13 +112,13 @@ fn main() -> ExitCode {
 
 /// The code of a command that fails at start-up only: 0, or 2 with the reason.
 fn ended<E: std::fmt::Display>(command: &str, result: Result<(), E>) -> ExitCode {
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("sarrus-can {command}: {error}");
-            ExitCode::from(2)
-        }
-    }
+    result.map_or_else(|error| failed(command, error), |()| ExitCode::SUCCESS)
+}
+
+/// Prints why a command failed; its code.
+fn failed(command: &str, error: impl std::fmt::Display) -> ExitCode {
+    eprintln!("sarrus-can {command}: {error}");
+    ExitCode::from(2)
 }
 
 /// A configuration, or the end: every fault of it is reported, and the code is 1 for faults and 2
@@ -126,6 +126,6 @@ fn ended<E: std::fmt::Display>(command: &str, result: Result<(), E>) -> ExitCode
 fn configuration(path: &Path) -> Result<Configuration, ExitCode> {
     Configuration::load(path).map_err(|error| {
         eprintln!("{error}");
-        ExitCode::from(if matches!(error, ConfigurationError::Open { .. }) { 2 } else { 1 })
+        ExitCode::from(if matches!(error, ConfigurationError::Open(..)) { 2 } else { 1 })
     })
 }

@@ -11,6 +11,7 @@ use sarrus_client::Observer;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Operation, Reason, flag};
 use sarrus_client::watch::BridgeStatistics;
 
+use crate::failed;
 use crate::top::{meanings, of};
 
 /// Flags of all of them.
@@ -45,10 +46,7 @@ impl Operate {
         let name = operation.name();
         let (observer, actuator) = match self.connect() {
             Ok(connected) => connected,
-            Err(error) => {
-                eprintln!("sarrus-can {name}: {error}");
-                return ExitCode::from(2);
-            }
+            Err(error) => return failed(name, error),
         };
         match self.ask(&observer, operation, actuator) {
             Ok(()) => {

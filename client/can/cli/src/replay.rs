@@ -56,22 +56,15 @@ impl Log {
 
 /// Names of the columns.
 fn head(configuration: &Configuration) -> String {
-    const PARTS: [&str; 8] = [
-        "position",
-        "velocity",
-        "effort",
-        "commanded_position",
-        "commanded_velocity",
-        "commanded_effort",
-        "state",
-        "reason",
-    ];
+    const PARTS: &str = "position velocity effort commanded_position commanded_velocity \
+                         commanded_effort state reason";
     let cell = |name: String| match name.contains([',', '"', '\n']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),
         false => name,
     };
     let names = configuration.actuators.iter();
-    let columns = names.flat_map(|name| PARTS.map(|part| cell(format!("{name}/{part}"))));
+    let columns =
+        names.flat_map(|name| PARTS.split(' ').map(move |part| cell(format!("{name}/{part}"))));
     std::iter::once("time".to_owned()).chain(columns).collect::<Vec<_>>().join(",")
 }
 
@@ -102,11 +95,8 @@ impl Replay {
         let configuration = crate::configuration(&self.config)?;
         let shown = self.log.display();
         let log = std::fs::File::open(&self.log).map_err(|error| {
-            eprintln!(
-                "sarrus-can {command}: cannot open {shown}: {error}; give the path of a readable \
-                 file"
-            );
-            ExitCode::from(2)
+            let help = "give the path of a readable file";
+            crate::failed(command, format_args!("cannot open {shown}: {error}; {help}"))
         })?;
         let mut out = BufWriter::new(io::stdout().lock());
         let mut bridge = Bridge::new(configuration);
@@ -133,8 +123,7 @@ impl Replay {
                 Ok(ExitCode::SUCCESS)
             }
             Err(Fault::Output(error)) => {
-                eprintln!("sarrus-can {command}: stdout: {error}");
-                Err(ExitCode::from(2))
+                Err(crate::failed(command, format_args!("stdout: {error}")))
             }
             Err(Fault::Input(code, message)) => {
                 eprintln!("{message}");

@@ -52,7 +52,7 @@ impl Top {
             }
             statistics = observer.statistics().or(statistics);
             if heard.elapsed() > TIMEOUT || (statistics.is_none() && begin.elapsed() > TIMEOUT) {
-                return Err(Box::new(ConnectError::SilentBridge { name: self.name.clone() }));
+                return Err(Box::new(ConnectError::SilentBridge(self.name.clone())));
             }
             if let (Some(state), Some(statistics)) = (&state, &statistics) {
                 let text = match self.format {
@@ -92,11 +92,6 @@ pub(crate) fn meanings(
         .collect()
 }
 
-fn flags(bits: u32) -> Vec<&'static str> {
-    let named = flag::NAMES.into_iter().enumerate();
-    named.filter(|(bit, _)| bits & (1 << bit) != 0).map(|(_, name)| name).collect()
-}
-
 /// One actuator's numbers, by its place.
 pub(crate) fn of<T: Copy + Default>(numbers: &[T], place: usize) -> T {
     numbers.get(place).copied().unwrap_or_default()
@@ -112,10 +107,6 @@ fn times(name: &str, times: &Times) -> Vec<String> {
         us(times.p999),
         us(times.max),
     ]
-}
-
-fn row<const N: usize>(words: [&str; N]) -> Vec<String> {
-    words.map(String::from).to_vec()
 }
 
 fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
@@ -136,18 +127,12 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     let (taken, refused) = CommandVerdict::ALL.split_at(1);
     let [taken, refused] = [taken, refused].map(|part| part.iter().map(count).collect::<Vec<_>>());
     let _ = writeln!(out, "commands: {}; refused: {}\n", taken.join(", "), refused.join(", "));
-    let mut rows = vec![row(["µs", "count", "p50", "p99", "p99.9", "max"])];
-    rows.extend([
-        times("wake", &s.wake),
-        times("work", &s.work),
-        times("command age", &s.age),
-        times("reply", &s.reply),
-    ]);
-    table(&mut out, &rows);
+    let rows = [("wake", &s.wake), ("work", &s.work), ("command age", &s.age), ("reply", &s.reply)];
+    let rows = rows.map(|(name, of)| times(name, of));
+    table(&mut out, "µs | count | p50 | p99 | p99.9 | max", &rows);
     out.push('\n');
-    let mut heads = row(["bus", "state", "load", "sent"]);
-    heads.extend(BusCounts::NAMES.map(String::from));
-    let mut rows = vec![heads];
+    let head = format!("bus | state | load | sent | {}", BusCounts::NAMES.join(" | "));
+    let mut rows = Vec::new();
     for bus in s.buses.iter().take(s.n_buses as usize) {
         let mut row = vec![
             bus.name.as_str().to_owned(),
@@ -158,11 +143,10 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
         row.extend(bus.counts.each().map(|(_, count)| count.to_string()));
         rows.push(row);
     }
-    table(&mut out, &rows);
+    table(&mut out, &head, &rows);
     out.push('\n');
-    let mut rows = vec![row([
-        "actuator", "state", "reason", "position", "velocity", "effort", "°C", "fault", "flags",
-    ])];
+    let head = "actuator | state | reason | position | velocity | effort | °C | fault | flags";
+    let mut rows = Vec::new();
     for (place, name) in s.actuators.iter().enumerate().take(s.n_u as usize) {
         rows.push(vec![
             name.as_str().to_owned(),
@@ -173,10 +157,10 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
             format!("{:.3}", of(&state.effort, place)),
             format!("{:.0}", of(&state.temperature, place)),
             fault_words(of(&state.faults, place)),
-            flags(of(&state.flags, place)).join(" "),
+            flag::names(of(&state.flags, place)).join(" "),
         ]);
     }
-    table(&mut out, &rows);
+    table(&mut out, head, &rows);
     out
 }
 
@@ -225,7 +209,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
                "effort": number(&state.effort),
                "temperature": number(&state.temperature), "fault": of(&state.faults, place),
                "meaning": fault::describe(of(&state.faults, place)),
-               "flags": flags(of(&state.flags, place)),
+               "flags": flag::names(of(&state.flags, place)),
                "measured_ns": of(&state.measured_ns, place)})
         })
         .collect();

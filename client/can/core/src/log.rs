@@ -250,7 +250,7 @@ mod tests {
                     velocity: 5, effort: 1}, watchdog_ms: 50}\n";
         let surroundings = Surroundings {
             file: &|_| Err("absent".into()),
-            robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+            robot: &|_| Err(LoadError::Open("robot".into(), "absent".into())),
         };
         Configuration::read("log.yml", yaml.into(), &surroundings).unwrap()
     }

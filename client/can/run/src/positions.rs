@@ -48,7 +48,8 @@ pub(crate) struct Positions {
     file: PathBuf,
     /// By place in u.
     names: Vec<String>,
-    noted: Noted,
+    /// Where the cycle notes them.
+    pub(crate) noted: Noted,
 }
 
 impl Positions {
@@ -90,11 +91,6 @@ impl Positions {
                 bridge.remember(place, position);
             }
         }
-    }
-
-    /// Where the cycle notes them.
-    pub(crate) fn noted(&self) -> Noted {
-        self.noted.clone()
     }
 
     /// Writes the file as long as the positions change, and once more at the end.
@@ -185,7 +181,7 @@ mod tests {
             bridge.receive(cycle * 4_000_000, 0, &frame);
             bridge.cycle(cycle * 4_000_000 + 1);
         }
-        positions.noted().note(&bridge);
+        positions.noted.note(&bridge);
         positions.run(&AtomicBool::new(true));
         bridge
     }

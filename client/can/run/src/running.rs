@@ -91,7 +91,7 @@ pub fn prepare(
     if settings.priority.is_some() {
         realtime::lock_memory().into_iter().for_each(|note| say(format_args!("{note}")));
     }
-    let noted = positions.as_ref().map(Positions::noted);
+    let noted = positions.as_ref().map(|of| of.noted.clone());
     let rules =
         Rules { ends, bridge, telemetry, services, journal, positions: noted, stop, missed: 0 };
     Ok(Prepared { settings, fingerprint, rules, buses, writer, positions, domain, node })

@@ -9,7 +9,7 @@ const STEP: f64 = 0.5e-3;
 const LONGEST: f64 = 0.1;
 
 /// Mechanics at the motor's output shaft.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Physics {
     /// Inertia of rotor and load `[kg m²]`.
     pub inertia: f64,
@@ -21,7 +21,7 @@ pub struct Physics {
 
 /// Shaft, power and watchdog of a motor: J p̈ = τ − b ṗ with τ = τ* + k (p* − p) + d (v* − ṗ) while
 /// it has power.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Plant {
     /// Inertia, friction and limit of the torque.
     pub physics: Physics,
@@ -55,22 +55,7 @@ pub struct Plant {
 impl Plant {
     /// At rest, without power and watchdog.
     pub fn new(physics: Physics) -> Plant {
-        Plant {
-            physics,
-            position: 0.0,
-            velocity: 0.0,
-            torque: 0.0,
-            temperature: 25.0,
-            zero: 0.0,
-            power: false,
-            law: Setpoint::default(),
-            fault: 0,
-            n_setpoints: 0,
-            watchdog_ns: 0,
-            tripped_ns: None,
-            now_ns: 0,
-            fed_ns: 0,
-        }
+        Plant { physics, temperature: 25.0, ..Plant::default() }
     }
 
     /// Position as the motor reports it `[rad]`.

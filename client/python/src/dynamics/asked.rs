@@ -27,8 +27,10 @@ pub(super) struct BatchOptions {
 pub(super) struct Asked {
     shared: Arc<Shared>,
     id: PlanId,
-    given: Layout,
-    want: Layout,
+    /// The layout of the input.
+    pub(super) given: Layout,
+    /// The layout of the output.
+    pub(super) want: Layout,
     /// The query, from which this process prepares an engine for each thread, and the engines not
     /// in use.
     query: Query,
@@ -97,16 +99,6 @@ impl Asked {
             query: *prepared.query(),
             batches: Mutex::new(Vec::new()),
         })
-    }
-
-    /// The layout of the input.
-    pub(super) fn given(&self) -> &Layout {
-        &self.given
-    }
-
-    /// The layout of the output.
-    pub(super) fn want(&self) -> &Layout {
-        &self.want
     }
 
     /// Asks with one array for each given field, in packing order; `out` has one for each wanted

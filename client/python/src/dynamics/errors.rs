@@ -23,7 +23,7 @@ pub(super) fn robot_error(error: Error) -> PyErr {
     match error {
         Error::Failed(failed) => state_error(failed.status),
         Error::WrongSize { .. } => PyValueError::new_err(words),
-        Error::Connect(_) | Error::ServerGone { .. } | Error::NoAnswer { .. } => {
+        Error::Connect(_) | Error::ServerGone(..) | Error::NoAnswer { .. } => {
             ConnectError::new_err(words)
         }
         _ => QueryError::new_err(words),
@@ -39,7 +39,7 @@ pub(super) fn connect_error(error: NotConnected) -> PyErr {
 pub(crate) fn load_error(py: Python<'_>, error: NotLoaded) -> PyErr {
     let words = error.to_string();
     match error {
-        NotLoaded::Open { file, reason } => not_opened(file, &reason, words),
+        NotLoaded::Open(file, reason) => not_opened(file, &reason, words),
         NotLoaded::Faults(report) => {
             let faults = report.errors.iter().map(|fault| diagnostic(py, fault).map(Bound::unbind));
             match faults.collect::<PyResult<Vec<_>>>() {

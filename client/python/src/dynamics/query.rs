@@ -24,13 +24,13 @@ impl PyQuery {
     /// Names and shapes of the fields that go in, in their order.
     #[getter]
     fn given(&self) -> Vec<(&'static str, Vec<usize>)> {
-        fields(self.0.given())
+        fields(&self.0.given)
     }
 
     /// Names and shapes of the fields that come out, in their order.
     #[getter]
     fn want(&self) -> Vec<(&'static str, Vec<usize>)> {
-        fields(self.0.want())
+        fields(&self.0.want)
     }
 
     /// Asks with one array for each field. A state without an answer is a status, no exception.
@@ -46,8 +46,8 @@ impl PyQuery {
         let asked = &self.0;
         let out = out.unwrap_or_default();
         for (found, expected, what) in [
-            (given.len(), asked.given().slots().len(), "go in"),
-            (out.len(), asked.want().slots().len(), "come out"),
+            (given.len(), asked.given.slots().len(), "go in"),
+            (out.len(), asked.want.slots().len(), "come out"),
         ] {
             // without `out` all arrays are made
             if found != expected && !(what == "come out" && found == 0) {

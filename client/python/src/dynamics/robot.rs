@@ -325,7 +325,7 @@ fn at_rest<'py>(asked: &Asked, field: Field, y: &Bound<'py, PyAny>) -> PyResult<
     let numpy = y.py().import("numpy")?;
     let mut shape: Vec<usize> = numpy.call_method1("shape", (y,))?.extract()?;
     shape.pop();
-    shape.push(asked.given().slot(field).map_or(0, |slot| slot.range().len()));
+    shape.push(asked.given.slot(field).map_or(0, |slot| slot.range().len()));
     zeros::<f64>(y.py(), &shape)
 }
 

@@ -111,10 +111,10 @@ fn word(kind: &EventKind) -> &'static str {
     match kind {
         EventKind::Switched { .. } => "switched",
         EventKind::NotSwitched { .. } => "not_switched",
-        EventKind::Shortened { .. } => "shortened",
-        EventKind::NearSingular { .. } => "near_singular",
-        EventKind::Limited { .. } => "limited",
-        EventKind::Stopped { .. } => "stopped",
+        EventKind::Shortened(_) => "shortened",
+        EventKind::NearSingular(_) => "near_singular",
+        EventKind::Limited(_) => "limited",
+        EventKind::Stopped(_) => "stopped",
         EventKind::Stiff => "stiff",
         _ => "other",
     }

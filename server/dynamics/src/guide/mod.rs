@@ -1,4 +1,5 @@
-//! Pages without code: symbols, closed forms, derivatives, parameters, sources of the equations.
+//! Pages without code: symbols, closed forms, derivatives, parameters, motors, sources of the
+//! equations.
 
 pub mod closures;
 
@@ -7,6 +8,9 @@ pub mod derivatives {}
 
 #[doc = include_str!("parameters.md")]
 pub mod parameters {}
+
+#[doc = include_str!("motors.md")]
+pub mod motors {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

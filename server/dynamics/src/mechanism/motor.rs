@@ -1,5 +1,7 @@
 //! Limits of an actuator over its speed.
 
+use crate::scalar::Real;
+
 /// Limits of one actuator; infinite where it has none.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
@@ -25,26 +27,38 @@ impl Motor {
         0.0 < self.velocity && self.velocity < f64::INFINITY
     }
 
-    /// Least and greatest force at a speed; at rest those that begin a motion to either side.
-    pub(crate) fn forces(&self, speed: f64) -> [f64; 2] {
-        let [forwards, backwards] = self.efficiency;
-        let driving = self.effort.min(at(&self.driving, speed.abs())).min(self.power / speed.abs());
-        let driving = driving * forwards;
-        let braking = self.effort.min(at(&self.braking, speed.abs())) / backwards;
-        match speed {
-            0.0 => [-driving, driving],
-            _ if speed < 0.0 => [-driving, braking],
-            _ => [-braking, driving],
-        }
+    /// True where the largest force depends on the speed.
+    pub(crate) fn has_curve(&self) -> bool {
+        let has_points = !self.driving.is_empty() || !self.braking.is_empty();
+        has_points || self.power.is_finite() || self.efficiency != [1.0; 2]
     }
-}
 
-/// A polyline at x; beyond its ends their values, without points infinite.
-fn at(line: &[[f64; 2]], x: f64) -> f64 {
-    let after = line.partition_point(|point| point[0] < x);
-    match (after.checked_sub(1).and_then(|before| line.get(before)), line.get(after)) {
-        (Some([x0, y0]), Some([x1, y1])) => y0 + (y1 - y0) * (x - x0) / (x1 - x0),
-        (Some([_, y]), None) | (None, Some([_, y])) => *y,
-        (None, None) => f64::INFINITY,
+    /// Least and greatest force at a speed; at rest those that begin a motion to either side.
+    pub(crate) fn forces<T: Real>(&self, speed: T) -> [T; 2] {
+        let [forwards, backwards] = self.efficiency.map(T::from_f64);
+        let mut driving = self.at(&self.driving, speed.abs());
+        if self.power.is_finite() {
+            let of_power = T::from_f64(self.power) / speed.abs();
+            driving = T::select_lt(of_power, driving, of_power, driving);
+        }
+        let driving = driving * forwards;
+        let braking = self.at(&self.braking, speed.abs()) / backwards;
+        let lower = T::select_lt(T::ZERO, speed, braking, driving);
+        [-lower, T::select_lt(speed, T::ZERO, braking, driving)]
+    }
+
+    /// A polyline at x, but no more than `effort`; beyond its ends their values.
+    fn at<T: Real>(&self, line: &[[f64; 2]], x: T) -> T {
+        let effort = T::from_f64(self.effort);
+        let (Some([_, first]), Some([end, last])) = (line.first(), line.last()) else {
+            return effort;
+        };
+        let mut y = T::from_f64(*first);
+        for ends in line.windows(2) {
+            let [[x0, y0], [x1, y1]] = [ends[0], ends[1]].map(|point| point.map(T::from_f64));
+            y = T::select_lt(x0, x, y0 + (y1 - y0) * (x - x0) / (x1 - x0), y);
+        }
+        y = T::select_lt(T::from_f64(*end), x, T::from_f64(*last), y);
+        T::select_lt(y, effort, y, effort)
     }
 }

@@ -76,6 +76,13 @@ pub(super) fn to_actuators<T: Real>(
     Ok((T::ONE / control).to_branch_value(BranchValue::Growth))
 }
 
+/// τ_u for the warning of limits alone: where it has no answer nothing is exceeded.
+pub(super) fn to_warn<T: Real>(model: &Model<T>, scope: &Scope, ws: &mut Workspace<T>) {
+    if to_actuators(model, scope, ws).is_err() {
+        ws.tau_u.fill(T::from_f64(f64::NAN));
+    }
+}
+
 /// The largest scaled entry of G_u, at most 1; 1 without actuators.
 fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>) -> T {
     let unit = |j| T::from_f64(column_unit(cluster, j));

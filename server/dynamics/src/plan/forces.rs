@@ -7,9 +7,9 @@ use crate::closure::column_unit;
 use crate::mechanism::{Cluster, Friction};
 use crate::model::{Direct, Method, Model, Runs, Scope};
 use crate::plan::Plan;
-use crate::plan::actuation::to_actuators;
+use crate::plan::actuation::{to_actuators, to_warn};
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
-use crate::plan::needed::OF_ACTUATORS;
+use crate::plan::needed::{OF_ACTUATORS, READ_TAU_U};
 use crate::plan::run::RunReport;
 use crate::plan::state::tree_accelerations;
 use crate::scalar::{BranchValue, Real};
@@ -20,9 +20,8 @@ use crate::workspace::Workspace;
 const BALANCE: f64 = 1e-14;
 /// Largest remainder relative to the largest ÿ, in a method that keeps ten digits.
 const WORTH: f64 = 1e-10;
-/// Fields of actuators that read C_y − Gᵀ Σ Jᵀ w, and τ_u.
+/// Fields of actuators that read C_y − Gᵀ Σ Jᵀ w.
 const NET: [Field; 2] = [Field::TorqueVerticesNet, Field::TorqueSupportNet];
-const READ_TAU_U: [Field; 2] = [Field::GainsY, Field::ClipNearest];
 
 /// The largest of each over the independents: inertia / pivot, Σ |terms| / pivot, Σ |terms| /
 /// inertia.
@@ -72,12 +71,10 @@ impl Plan {
             to_independent(model, scope, &ws.G, &ws.tau_q, &mut ws.tau_y, &mut ws.tau_terms);
             self.doubt_forces(&ws.tau_terms, &ws.tau_y, report);
         }
-        let of_actuators = [Field::TauU, Field::TauUnactuated, Field::Lambda, Field::RegressorU];
-        if self.wants_any(&of_actuators)
-            || self.wants_any(&OF_ACTUATORS)
-            || self.wants_any(&READ_TAU_U)
-        {
+        if self.wants_any(&READ_TAU_U) || self.wants_any(&OF_ACTUATORS) {
             report.doubt.times(to_actuators(model, scope, ws)?);
+        } else if self.reads_forces() {
+            to_warn(model, scope, ws);
         }
         if self.wants(Field::Lambda) {
             // the loops supply the forces of the tree beyond the actuators
@@ -311,8 +308,10 @@ impl Plan {
         {
             ws.tau_terms.fill(T::ZERO);
             report.doubt.times(self.given_forces(model, ws, input));
-            if self.wants_any(&[Field::TauU, Field::TauUnactuated]) || self.wants_any(&READ_TAU_U) {
+            if self.wants_any(&READ_TAU_U) {
                 report.doubt.times(to_actuators(model, &self.needed.scope, ws)?);
+            } else if self.reads_forces() {
+                to_warn(model, &self.needed.scope, ws);
             }
         }
         Ok(())

@@ -1,13 +1,14 @@
 //! Compares positions, velocities and actuator forces with the model's limits.
 
-use sarrus_proto::{Field, Request, Warnings};
+use sarrus_proto::Warnings;
 
 use crate::closure::Level;
+use crate::model::Model;
 use crate::plan::Plan;
 use crate::scalar::{BranchValue, Real};
 use crate::workspace::Workspace;
 
-/// The columns of [`Field::Limits`].
+/// The columns of [`sarrus_proto::Field::Limits`].
 const POSITION: usize = 0;
 const VELOCITY: usize = 1;
 const EFFORT: usize = 2;
@@ -15,18 +16,19 @@ const EFFORT: usize = 2;
 impl Plan {
     /// Whether a position, velocity or actuator force lies outside its limits.
     #[inline(always)]
-    pub(super) fn limits<T: Real>(&self, ws: &Workspace<T>) -> Warnings {
+    pub(super) fn limits<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>) -> Warnings {
         let mut exceeded = false;
-        self.each_limit(ws, |_, _, x, [lower, upper]| exceeded |= x < lower || x > upper);
+        let judge = |_, _, x, [lower, upper]: [f64; 2]| exceeded |= x < lower || x > upper;
+        self.each_limit(model, ws, judge);
         if exceeded { Warnings::LIMITS_EXCEEDED } else { Warnings::NONE }
     }
 
     /// The excess of each over its limit, in the wanted rows (n_v × 3).
-    pub(super) fn write_limits<T: Real>(&self, ws: &Workspace<T>, out: &mut [T]) {
+    pub(super) fn write_limits<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>, out: &mut [T]) {
         out.fill(T::ZERO);
-        self.each_limit(ws, |row, column, x, [lower, upper]| {
+        self.each_limit(model, ws, |row, column, x, [lower, upper]| {
             if let Some(row) = row {
-                out[row * 3 + column] = T::from_f64(excess(x, lower, upper));
+                out[row * 3 + column] += T::from_f64(excess(x, lower, upper));
             }
         });
     }
@@ -35,6 +37,7 @@ impl Plan {
     #[inline(always)]
     fn each_limit<T: Real>(
         &self,
+        model: &Model<T>,
         ws: &Workspace<T>,
         mut each: impl FnMut(Option<usize>, usize, f64, [f64; 2]),
     ) {
@@ -47,9 +50,30 @@ impl Plan {
                 each(*row, VELOCITY, figure(ws.qd[limit.v], lower, upper), [lower, upper]);
             }
         }
-        if self.request == Request::InverseDynamics && self.wants(Field::TauU) {
-            for (u, row, effort) in &self.needed.efforts {
-                each(*row, EFFORT, figure(ws.tau_u[*u], -effort, *effort), [-effort, *effort]);
+        for (u, row, effort) in &self.needed.efforts {
+            each(*row, EFFORT, figure(ws.tau_u[*u], -effort, *effort), [-effort, *effort]);
+        }
+        if !self.needed.curves.is_empty() {
+            self.each_curve(model, ws, moves, &mut each);
+        }
+    }
+
+    /// The limits over speed among them: the excess over each is compared with none.
+    #[inline(never)]
+    fn each_curve<T: Real>(
+        &self,
+        model: &Model<T>,
+        ws: &Workspace<T>,
+        moves: bool,
+        each: &mut dyn FnMut(Option<usize>, usize, f64, [f64; 2]),
+    ) {
+        for (u, v, row) in &self.needed.curves {
+            let speed = if moves { ws.qd[*v] } else { T::ZERO };
+            let [lower, upper] = model.motors[*u].forces(speed);
+            let below = [0.0, f64::INFINITY];
+            let above = [f64::NEG_INFINITY, 0.0];
+            for (limit, range) in [(lower, below), (upper, above)] {
+                each(*row, EFFORT, figure(ws.tau_u[*u] - limit, range[0], range[1]), range);
             }
         }
     }

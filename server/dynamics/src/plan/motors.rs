@@ -74,11 +74,10 @@ impl Plan {
     ) -> Status {
         let Some(mut own) = ws.motors.take() else { return Status::WrongSize };
         own.no_limit = false;
-        let moves = self.steps.velocity.is_some() && self.steps.level >= Level::Velocity;
+        let moves = self.steps.velocity.is_some();
         for ((limits, motor), v) in own.limits.iter_mut().zip(&model.motors).zip(&model.order.u_v) {
-            let speed = if moves { ws.qd[*v].to_f64() } else { 0.0 };
             *limits = if motor.has_effort() {
-                motor.forces(speed).map(T::from_f64)
+                motor.forces(if moves { ws.qd[*v] } else { T::ZERO })
             } else {
                 [T::from_f64(f64::NAN); 2]
             };

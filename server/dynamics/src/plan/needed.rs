@@ -7,7 +7,7 @@
 //! conditions, λ, K) depend on all of it, and so does a query that asks for neither rows nor
 //! frames.
 
-use sarrus_proto::{Field, Query, Request, Rows};
+use sarrus_proto::{Field, OF_ACTUATOR_FORCES, Query, Request, Rows};
 
 use crate::model::{Limit, Method, Model, Roots, Scope};
 use crate::plan::Steps;
@@ -45,6 +45,15 @@ pub(super) const REGRESSORS: [Field; 2] = [Field::RegressorY, Field::RegressorU]
 /// Derivatives of the actuators' forces.
 pub(super) const OF_ACTUATORS: [Field; 4] =
     [Field::DtauUDy, Field::DtauUDyd, Field::DtauUnactuatedDy, Field::DtauUnactuatedDyd];
+/// Fields that read τ_u.
+pub(super) const READ_TAU_U: [Field; 6] = [
+    Field::TauU,
+    Field::TauUnactuated,
+    Field::Lambda,
+    Field::RegressorU,
+    Field::GainsY,
+    Field::ClipNearest,
+];
 /// Fields of all frames together, and of the whole mass matrix.
 pub(super) const OF_THE_TASKS: [Field; 4] =
     [Field::TaskInertia, Field::TaskBias, Field::TaskGravity, Field::TaskRank];
@@ -76,9 +85,11 @@ pub(super) struct Needed {
     /// Clusters whose coordinates are read.
     pub(super) coordinates: Vec<usize>,
     /// Limits of joints whose coordinates are known, with the row of the joint among those that
-    /// are asked, and of actuators as (actuator, row, effort).
+    /// are asked, and of actuators as (actuator, row, effort), or (actuator, velocity, row) where
+    /// the limit depends on the speed.
     pub(super) limits: Vec<(Option<usize>, Limit)>,
     pub(super) efforts: Vec<(usize, Option<usize>, f64)>,
+    pub(super) curves: Vec<(usize, usize, Option<usize>)>,
     /// Tree coordinates and velocities of the rows that are asked.
     pub(super) q: Vec<usize>,
     pub(super) v: Vec<usize>,
@@ -130,11 +141,16 @@ impl Needed {
         };
         let limits = model.limits.iter().filter(is_known);
         let limits = limits.map(|limit| (row_of[limit.v], *limit)).collect();
-        let efforts = model.effort.iter().zip(&order.u_v).enumerate();
-        let efforts = efforts
-            .filter(|(_, (_, v))| answered[model.cluster_of_v[**v]])
-            .map(|(u, (effort, v))| (u, row_of[*v], *effort))
-            .collect();
+        // forces of actuators that are found, where they are wanted or read by a wanted field
+        let finds = matches!(request, Request::InverseDynamics | Request::Map);
+        let is_judged =
+            finds && (query.want.has(Field::TauU) || query.want.has_any(&OF_ACTUATOR_FORCES));
+        let judged = order.u_v.iter().copied().enumerate();
+        let (curves, efforts): (Vec<_>, Vec<_>) = judged
+            .filter(|(_, v)| is_judged && answered[model.cluster_of_v[*v]])
+            .partition(|(u, _)| model.motors[*u].has_curve());
+        let efforts = efforts.into_iter().map(|(u, v)| (u, row_of[v], model.effort[u])).collect();
+        let curves = curves.into_iter().filter(|(u, _)| model.motors[*u].has_effort());
         let quaternion = |i: &usize| {
             let body = &model.bodies[*i];
             (body.motion.n_q() > 1).then(|| body.q + body.motion.n_q() - 4)
@@ -149,6 +165,7 @@ impl Needed {
             coordinates: (0..read.len()).filter(|c| read[*c]).collect(),
             limits,
             efforts,
+            curves: curves.map(|(u, v)| (u, v, row_of[v])).collect(),
             q: internal(&rows.q, &order.q),
             qy_q: internal(&rows.qy, &order.qy_q),
             vy_v: internal(&rows.vy, &order.vy_v),

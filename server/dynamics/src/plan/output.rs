@@ -261,7 +261,7 @@ impl Plan {
                     self.independent_jacobian(model, ws, frame, out, &order.vy_external)
                 });
             }
-            Field::Limits => self.write_limits(ws, out),
+            Field::Limits => self.write_limits(model, ws, out),
             Field::JacobianActuator => return self.actuator_jacobians(model, ws, out),
             field if field.is_second() => out.fill(T::ZERO),
             Field::BaseParameters => {

@@ -185,7 +185,7 @@ impl Plan {
         let no_limit = self.motors.is_some()
             && workspace.motors.as_ref().is_some_and(|motors| motors.no_limit);
         report.warn_if(no_limit, Warnings::NO_LIMIT);
-        report.warnings |= self.limits(workspace);
+        report.warnings |= self.limits(model, workspace);
         Answer { status: Status::Ok, warnings: report.warnings }
     }
 

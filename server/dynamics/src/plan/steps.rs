@@ -23,7 +23,7 @@ const FRAMES: [Field; 13] = [
     TaskGravity,
     TaskRank,
 ];
-const VELOCITIES: [Field; 8] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy];
+const VELOCITIES: [Field; 9] = [Qd, Yd, Ud, FrameTwist, FrameAcc, KBias, Momentum, Energy, Limits];
 /// Read the speeds of actuators.
 const MOTORS: [Field; 8] = [
     TorqueVertices,

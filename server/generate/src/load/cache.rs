@@ -21,7 +21,7 @@ use sarrus_proto::fnv1a_64;
 use rustix::fs::{Access, FlockOperation, flock};
 
 use super::file::sum;
-use super::{LoadError, NativeKernel, ObjectFile};
+use super::{LoadError, LoadFault, NativeKernel, ObjectFile};
 use crate::manifest::{HEAD, bare_query, query_text};
 use crate::run::run;
 use crate::{BuildError, Cancel, Compiler, FLAGS, GenerateError, Kernel, Source};
@@ -208,7 +208,11 @@ impl Cache {
             self.check(folder)?;
         }
         let refused = match ObjectFile::read_kept(&path, &path) {
-            Err(LoadError::Io { error, .. }) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(LoadError { fault: LoadFault::Io(error), .. })
+                if error.kind() == io::ErrorKind::NotFound =>
+            {
+                None
+            }
             Err(error) => Some(error),
             Ok(file) => match self.load(&file, &path, model, plan, cancel) {
                 Ok(kernel) => {
@@ -269,7 +273,7 @@ impl Cache {
         cancel: &Cancel,
     ) -> Result<NativeKernel, MakeError> {
         if let Some(trial) = self.trial {
-            let refused = |reason| LoadError::Trial { path: file.path().to_owned(), reason };
+            let refused = |reason| LoadFault::Trial(reason).of(file.path());
             match run(&mut trial(from), "it", TRIAL, cancel) {
                 Ok(ended) if ended.is_success && ended.words.ends_with(COMPARED) => {}
                 Ok(ended) if ended.is_success => {
@@ -337,8 +341,8 @@ fn finished(built: &Path, new: &Path, path: &Path) -> Result<ObjectFile, MakeErr
     let written = File::create_new(new).and_then(|mut file| {
         // the mode of a new file depends on the user's mask
         file.set_permissions(fs::Permissions::from_mode(0o600))?;
-        file.write_all(built.bytes())?;
-        file.write_all(sum(built.bytes()).as_bytes())?;
+        file.write_all(&built.bytes)?;
+        file.write_all(sum(&built.bytes).as_bytes())?;
         // a name that is on the disk before its bytes would name a part of them after a power cut
         file.sync_all()
     });
@@ -365,7 +369,7 @@ fn file_name(model: &Model<f64>, plan: &Plan) -> String {
 
 fn compiler_name(compiler: &Compiler) -> String {
     let version = env!("CARGO_PKG_VERSION");
-    let words = [compiler.command(), compiler.name(), version, HEAD, &FLAGS.join(" ")].join("\n");
+    let words = [&compiler.command, compiler.name(), version, HEAD, &FLAGS.join(" ")].join("\n");
     format!("{:016x}", fnv1a_64(words.as_bytes()))
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use sarrus_dynamics::{Answer, Model, Plan, Workspace};
 
 use super::object::Object;
-use super::{LoadError, NativeKernel, ObjectFile};
+use super::{LoadError, LoadFault, NativeKernel, ObjectFile};
 use crate::RandomInputs;
 use crate::manifest::bare_query;
 
@@ -45,25 +45,24 @@ impl NativeKernel {
         model: &Model<f64>,
         plan: &Plan,
     ) -> Result<NativeKernel, LoadError> {
-        let path = || file.path().to_owned();
         let manifest = file.manifest();
         file.plan(model)?;
         let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
         if manifest.query != bare_query(plan.query())
             || [manifest.inputs, manifest.outputs] != sizes
         {
-            return Err(LoadError::WrongQuery(path()));
+            return Err(LoadFault::WrongQuery.of(file.path()));
         }
         let missing = manifest.missing_instructions();
         if !missing.is_empty() {
-            return Err(LoadError::Processor { path: path(), missing: missing.join(" and ") });
+            return Err(LoadFault::Processor(missing.join(" and ")).of(file.path()));
         }
         let load = || NativeKernel::loaded(file, model, plan);
         std::thread::scope(|scope| {
             // functions of many numbers have large frames
             let builder = std::thread::Builder::new().stack_size(16 << 20);
             let loader = builder.spawn_scoped(scope, load);
-            let loader = loader.map_err(|error| LoadError::Io { path: path(), error })?;
+            let loader = loader.map_err(|error| LoadFault::Io(error).of(file.path()))?;
             loader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         })
     }
@@ -74,14 +73,13 @@ impl NativeKernel {
         model: &Model<f64>,
         plan: &Plan,
     ) -> Result<NativeKernel, LoadError> {
-        let path = || file.path().to_owned();
         let manifest = file.manifest().clone();
         let states = NativeKernel::STATES;
         let mut kernel = NativeKernel { object: Object::load(file)?, manifest };
-        let differs = |(state, what)| LoadError::Differs { path: path(), state, states, what };
+        let differs = |(state, what)| LoadFault::Differs { state, states, what }.of(file.path());
         let [answered, left] = compare(&kernel, model, plan).map_err(differs)?;
         if answered == 0 {
-            return Err(LoadError::Unserved { path: path(), states });
+            return Err(LoadFault::Unserved(states).of(file.path()));
         }
         // otherwise the function for rows is not worth its calls
         if left * 8 > answered {

@@ -11,8 +11,8 @@ use rustix::io::Errno;
 use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::fnv1a_64;
 
-use super::LoadError;
 use super::elf::Elf;
+use super::{LoadError, LoadFault};
 use crate::Manifest;
 
 /// The largest file that is read `[byte]`.
@@ -27,9 +27,11 @@ const SUM: &str = "sarrus fnv1a_64 ";
 #[derive(Clone, Debug)]
 pub struct ObjectFile {
     path: PathBuf,
-    bytes: Vec<u8>,
+    /// All of the file.
+    pub(super) bytes: Vec<u8>,
     manifest: Manifest,
-    text: Vec<u8>,
+    /// The text of the manifest as it stands in the object.
+    pub(super) text: Vec<u8>,
 }
 
 impl ObjectFile {
@@ -55,7 +57,7 @@ impl ObjectFile {
         let (bytes, end) = file.bytes.split_at(length);
         match sum(bytes).as_bytes() == end {
             true => Ok(file),
-            false => Err(LoadError::Damaged(path.to_owned())),
+            false => Err(LoadFault::Damaged.of(path)),
         }
     }
 
@@ -67,45 +69,41 @@ impl ObjectFile {
         refused: u32,
         path: &Path,
     ) -> Result<ObjectFile, LoadError> {
-        let failed = |error: io::Error| LoadError::Io { path: path.to_owned(), error };
+        let failed = |error: io::Error| LoadFault::Io(error).of(path);
         // opening a pipe would wait for a writer
         let flags = flags | OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let file = match rustix::fs::open(from, flags, rustix::fs::Mode::empty()) {
-            Err(Errno::LOOP) => return Err(LoadError::NoFile(path.to_owned())),
+            Err(Errno::LOOP) => return Err(LoadFault::NoFile.of(path)),
             file => File::from(file.map_err(|error| failed(error.into()))?),
         };
         // of the open file: the checked file is the one that is read
         let about = file.metadata().map_err(failed)?;
         if !about.is_file() {
-            return Err(LoadError::NoFile(path.to_owned()));
+            return Err(LoadFault::NoFile.of(path));
         }
         let owner = about.uid();
         let user = rustix::process::geteuid().as_raw();
         if owner != user && owner != 0 {
-            return Err(LoadError::Owner { path: path.to_owned(), owner, user });
+            return Err(LoadFault::Owner { owner, user }.of(path));
         }
         let mode = about.mode() & 0o7777;
         if mode & refused != 0 {
-            return Err(LoadError::Writable { path: path.to_owned(), mode });
+            return Err(LoadFault::Writable(mode).of(path));
         }
         let mut bytes = Vec::new();
         let read = file.take(MOST + 1).read_to_end(&mut bytes).map_err(failed)? as u64;
         if read > MOST {
-            return Err(LoadError::TooLarge {
-                path: path.to_owned(),
-                bytes: about.size(),
-                most: MOST,
-            });
+            return Err(LoadFault::TooLarge { bytes: about.size(), most: MOST }.of(path));
         }
         let Some((manifest, text)) = Manifest::find(&bytes) else {
-            return Err(LoadError::NoKernel(path.to_owned()));
+            return Err(LoadFault::NoKernel.of(path));
         };
         let text = text.to_owned();
         let elf = Elf::new(&bytes).filter(|elf| elf.is_whole() == Some(true));
         let stranger = elf.and_then(|elf| elf.first_stranger());
-        let stranger = stranger.ok_or_else(|| LoadError::Broken(path.to_owned()))?;
+        let stranger = stranger.ok_or_else(|| LoadFault::Broken.of(path))?;
         if let Some(symbol) = stranger {
-            return Err(LoadError::Needs { path: path.to_owned(), symbol });
+            return Err(LoadFault::Needs(symbol).of(path));
         }
         Ok(ObjectFile { path: path.to_owned(), bytes, manifest, text })
     }
@@ -123,30 +121,16 @@ impl ObjectFile {
     /// The plan of the query that it was made for, on the robot that it was made for.
     ///
     /// # Errors
-    /// [`LoadError::WrongRobot`], [`LoadError::WrongQuery`].
+    /// [`LoadFault::WrongRobot`], [`LoadFault::WrongQuery`].
     pub(super) fn plan(&self, model: &Model<f64>) -> Result<Plan, LoadError> {
-        let path = || self.path.clone();
         let manifest = &self.manifest;
         // the query of another robot may name links that this one lacks
         if manifest.fingerprint != model.fingerprint() {
-            return Err(LoadError::WrongRobot {
-                path: path(),
-                robot: manifest.robot.clone(),
-                found: manifest.fingerprint,
-                expected: model.fingerprint(),
-            });
+            let robot = manifest.robot.clone();
+            let [found, expected] = [manifest.fingerprint, model.fingerprint()];
+            return Err(LoadFault::WrongRobot { robot, found, expected }.of(&self.path));
         }
-        Plan::new(model, &manifest.query).map_err(|_| LoadError::WrongQuery(path()))
-    }
-
-    /// All of the file.
-    pub(super) fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// The text of the manifest as it stands in the object.
-    pub(super) fn text(&self) -> &[u8] {
-        &self.text
+        Plan::new(model, &manifest.query).map_err(|_| LoadFault::WrongQuery.of(&self.path))
     }
 
     /// A sealed copy in memory, with a path for the system's loader: the file may be written or cut

@@ -15,6 +15,6 @@ mod native;
 mod object;
 
 pub use cache::{Cache, CacheError, Made, MakeError, Origin, Trial};
-pub use error::LoadError;
+pub use error::{LoadError, LoadFault};
 pub use file::ObjectFile;
 pub use native::NativeKernel;

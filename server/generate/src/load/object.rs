@@ -13,7 +13,7 @@ use std::os::fd::OwnedFd;
 
 use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 
-use super::{LoadError, ObjectFile};
+use super::{LoadError, LoadFault, ObjectFile};
 use crate::manifest::SYMBOL;
 
 /// The type of every generated function.
@@ -36,8 +36,7 @@ pub(super) struct Object {
 impl Object {
     /// Loads a file whose manifest was found right.
     pub(super) fn load(file: &ObjectFile) -> Result<Object, LoadError> {
-        let path = || file.path().to_owned();
-        let refused = |reason: String| LoadError::Loader { path: path(), reason };
+        let refused = |reason: String| LoadFault::Loader(reason).of(file.path());
         let (descriptor, sealed) = file
             .sealed()
             .map_err(|error| refused(format!("no memory that can be sealed: {error}")))?;
@@ -46,7 +45,7 @@ impl Object {
         let library = unsafe { Library::open(Some(&sealed), RTLD_NOW | RTLD_LOCAL) };
         let library = library.map_err(|error| refused(error.to_string()))?;
         if !keeps_small_numbers() {
-            return Err(LoadError::ChangesRounding(path()));
+            return Err(LoadFault::ChangesRounding.of(file.path()));
         }
 
         // the loaded manifest equals the file's
@@ -56,8 +55,8 @@ impl Object {
         // SAFETY: the file has this text with its zero at its end as the value of the symbol, in
         // sealed memory that stays mapped as long as the library.
         let text = unsafe { CStr::from_ptr(text.into_raw().cast()) };
-        if text.to_bytes() != file.text() {
-            return Err(LoadError::NoKernel(path()));
+        if text.to_bytes() != file.text {
+            return Err(LoadFault::NoKernel.of(file.path()));
         }
         let manifest = file.manifest();
         // SAFETY: objects with this manifest have a function of this type under this name.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Inertial;
 use sarrus_dynamics::{DescriptionBuilder, Field, FieldSet, LinkId, Model, Plan, Query, Request};
-use sarrus_generate::{Cancel, Compiler, Kernel, LoadError, NativeKernel, Source};
+use sarrus_generate::{Cancel, Compiler, Kernel, LoadError, LoadFault, NativeKernel, Source};
 
 /// Two joints across each other: sums and differences of products side by side, of which gcc 12
 /// makes `vfmaddsub`.
@@ -82,7 +82,7 @@ fn no_compiler_here_fuses_what_is_two_operations_in_the_plan() {
                     Ok(_) => println!("{command}, {name}: not fused"),
                     Err(error) => {
                         println!("{command}, {name}: {error}");
-                        assert!(matches!(error, LoadError::Differs { .. }), "{error}");
+                        assert!(matches!(error.fault, LoadFault::Differs { .. }), "{error}");
                         assert!(error.to_string().contains("-fno-tree-slp-vectorize"), "{error}");
                     }
                 }

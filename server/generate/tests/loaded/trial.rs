@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use sarrus_dynamics::Field;
 use sarrus_generate::{
-    BuildError, Cache, Cancel, Compiler, LoadError, MakeError, NativeKernel, Trial,
+    BuildError, Cache, Cancel, Compiler, LoadError, LoadFault, MakeError, NativeKernel, Trial,
 };
 
 use super::{built, compiler, folder, model, plan};
@@ -59,7 +59,7 @@ fn code_that_needs_another_library_is_refused_before_it_is_loaded() {
     let instrumented = Compiler::named("cc -fsanitize=address", &Cancel::default()).unwrap();
     let error = error(&Cache::at(folder.join("kernels")), &instrumented, &Cancel::default());
     assert!(
-        matches!(&error, MakeError::Build(BuildError::Flag { flag }) if flag.contains("address")),
+        matches!(&error, MakeError::Build(BuildError::Flag(flag)) if flag.contains("address")),
         "{error}"
     );
     let lambda = model("lambda");
@@ -67,7 +67,7 @@ fn code_that_needs_another_library_is_refused_before_it_is_loaded() {
     let path = built((&lambda, &plan), &folder, &["-pg"], |function| function);
     let error = NativeKernel::open(&path, &lambda, &plan).unwrap_err();
     assert!(
-        matches!(&error, LoadError::Needs { symbol, .. } if symbol.contains("count")),
+        matches!(&error.fault, LoadFault::Needs(symbol) if symbol.contains("count")),
         "{error}"
     );
 }
@@ -97,7 +97,7 @@ fn only_an_object_that_another_process_has_survived_is_loaded() {
     let of = |trial: Trial| Cache::at(folder.join("kernels")).tried_by(trial);
     let crashed = error(&of(crashing), &compiler, &Cancel::default());
     let is_found = |error: &MakeError| {
-        matches!(error, MakeError::Load(LoadError::Trial { reason, .. })
+        matches!(error, MakeError::Load(LoadError { fault: LoadFault::Trial(reason), .. })
             if reason.starts_with("signal: 11"))
     };
     assert!(is_found(&crashed), "{crashed}");
@@ -136,7 +136,10 @@ fn the_output_of_a_compiler_is_read_only_where_it_is_a_file() {
     for make in ["ln -s /dev/zero", "mkfifo", "mkdir", &to_other] {
         let text = format!("while [ \"$1\" != -o ]; do shift; done\nexec {make} \"$2\"");
         let error = error(&cache, &script(&folder, &text), &Cancel::default());
-        assert!(matches!(error, MakeError::Load(LoadError::NoFile(_))), "{make}: {error}");
+        assert!(
+            matches!(error, MakeError::Load(LoadError { fault: LoadFault::NoFile, .. })),
+            "{make}: {error}"
+        );
     }
     let about = fs::metadata(&other).unwrap();
     assert_eq!((about.len(), about.mode() & 0o777), (18, 0o640));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::exported::{Deviation, Difference, deviation, pythons};
+use super::exported::{Deviation, Difference, Found, deviation, pythons};
 use super::{Peer, Run, peer};
 use crate::Outcome;
 use crate::measure::timing::interleaved;
@@ -81,7 +81,7 @@ pub fn compare(loaded: &Loaded, engine: &str) -> Outcome<Comparison> {
         Peer::Measured { engine, runs } => timed(&robot, engine, &runs)?,
     };
     match of_files(loaded, engine)? {
-        Some(Deviation::Measured { engine, why, rows }) => {
+        Some(Deviation::Measured(Found { engine, why, rows })) => {
             if found.is_run {
                 found.peer += &format!("; files by {engine}");
             } else {

@@ -26,14 +26,18 @@ pub enum Deviation {
     /// It was not run, for this reason.
     NotRun(String),
     /// It was.
-    Measured {
-        /// The engine with its version.
-        engine: String,
-        /// Why its accelerations differ, if they were compared.
-        why: String,
-        /// The largest differences.
-        rows: Vec<Difference>,
-    },
+    Measured(Found),
+}
+
+/// The findings of an engine, as its program writes them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Found {
+    /// The engine with its version.
+    pub engine: String,
+    /// Why its accelerations differ, if they were compared.
+    pub why: String,
+    /// The largest differences.
+    pub rows: Vec<Difference>,
 }
 
 /// The largest difference of a quantity on all states, by size.
@@ -52,13 +56,6 @@ impl Difference {
         let most = if self.quantity == "accelerations" { 1.0 } else { 1e-9 };
         self.difference.is_nan() || self.difference > most
     }
-}
-
-#[derive(Deserialize)]
-struct Found {
-    engine: String,
-    why: String,
-    rows: Vec<Difference>,
 }
 
 /// The interpreters that may have an engine's wheel: that of `SARRUS_PYTHON`, that of the built
@@ -105,10 +102,7 @@ pub fn deviation(
         };
         let words = String::from_utf8_lossy(&output.stderr).trim().to_owned();
         match output.status.code() {
-            Some(0) => {
-                let Found { engine, why, rows } = serde_json::from_slice(&output.stdout)?;
-                return Ok(Deviation::Measured { engine, why, rows });
-            }
+            Some(0) => return Ok(Deviation::Measured(serde_json::from_slice(&output.stdout)?)),
             Some(MISSING) => reasons.push(format!("{}: {words}", python.display())),
             _ => {
                 let late = words.lines().find(|line| line.starts_with("Timeout"));

@@ -36,7 +36,7 @@ use crate::measure::progress::Progress;
 use crate::page::Section;
 
 /// Families in the order of the page: their names, and their parameters with the units.
-const FAMILIES: [Family; 45] = [
+const FAMILIES: [Family; 46] = [
     Family("mass ratio", "heavy mass over light mass", Swept(&MASS_RATIOS)),
     Family("massless links", "share of the mass that is left", Swept(&MASSLESS_LINKS)),
     Family("length scale", "factor of all lengths", Changed(sizes, LENGTHS)),
@@ -113,6 +113,11 @@ const FAMILIES: [Family; 45] = [
         "rows in two directions of space",
         "rad from zero",
         Drawn([60, 1000], &[], cranks_that_turn::in_two_directions),
+    ),
+    Family(
+        "slides in space",
+        "m from zero",
+        Drawn([60, 1000], &[], cranks_that_turn::slides_in_space),
     ),
     Family(
         "light behind heavy",

@@ -99,7 +99,7 @@ impl Aside {
             compute_jobs(&model, workspace, jobs, done);
         };
         let builder = thread::Builder::new().name(name.to_owned());
-        builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+        builder.spawn(body).map_err(ServeError::Thread)?;
         let job = Box::new(Job {
             plan: None,
             input: vec![0.0; MAX_NUMBERS_IN],

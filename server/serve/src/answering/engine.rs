@@ -419,7 +419,7 @@ fn thread_of<'a>(threads: &'a mut [Aside; 2], plan: &Plan) -> &'a mut Aside {
     &mut threads[usize::from(plan.is_long())]
 }
 
-/// What a thread knows of a state; its numbers into `output`.
+/// The answer that a thread knows of a state; its numbers into `output`.
 #[inline]
 fn known(
     threads: &mut [Aside; 2],

@@ -23,7 +23,7 @@ impl Kernels {
     }
 
     fn refused() -> Result<Kernels, ServeError> {
-        Err(ServeError::Kernel { reason: "built without the feature `generate`".to_owned() })
+        Err(ServeError::Kernel("built without the feature `generate`".to_owned()))
     }
 
     /// Refused.

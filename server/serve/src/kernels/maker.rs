@@ -59,7 +59,7 @@ impl Kernels {
     /// # Errors
     /// [`ServeError::Kernel`] with the reason why it is refused.
     pub fn of_file(path: &Path, model: &Model<f64>) -> Result<Kernels, ServeError> {
-        let refused = |error: LoadError| ServeError::Kernel { reason: error.to_string() };
+        let refused = |error: LoadError| ServeError::Kernel(error.to_string());
         let kernel = NativeKernel::of_file(path, model).map_err(refused)?;
         Ok(Kernels(Choice::One(Arc::new(kernel))))
     }
@@ -188,7 +188,7 @@ impl Thread {
         // the depth of a trace grows with the robot
         let builder = std::thread::Builder::new().name("sarrus-kernels".to_owned());
         let handle = builder.stack_size(16 << 20).spawn(body);
-        let handle = handle.map_err(|source| ServeError::Thread { source })?;
+        let handle = handle.map_err(ServeError::Thread)?;
         Ok(Thread { plans, made, cancel, handle })
     }
 }

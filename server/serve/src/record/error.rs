@@ -10,48 +10,26 @@ use super::format::FORMAT;
 #[non_exhaustive]
 pub enum RecordError {
     /// The file is not a recording.
-    #[error("{} is no recording and is left as it is; choose another --record", file.display())]
-    Foreign {
-        /// The file.
-        file: PathBuf,
-    },
+    #[error("{} is no recording and is left as it is; choose another --record", .0.display())]
+    Foreign(PathBuf),
     /// Another server records to the file.
-    #[error("another server records to {}; choose another --record", file.display())]
-    InUse {
-        /// The file.
-        file: PathBuf,
-    },
-    /// The disk has no room for it.
+    #[error("another server records to {}; choose another --record", .0.display())]
+    InUse(PathBuf),
+    /// The disk has no room for so many bytes of the file.
     #[error(
-        "no room for {bytes} bytes of {}; free some, or keep less with --record-seconds or --lanes",
-        file.display()
+        "no room for {1} bytes of {file}; free some, or keep less with --record-seconds or --lanes",
+        file = .0.display()
     )]
-    NoSpace {
-        /// The file.
-        file: PathBuf,
-        /// The size of the file.
-        bytes: u64,
-    },
-    /// The file cannot be made.
-    #[error("cannot record to {}: {source}; choose another --record", file.display())]
-    Make {
-        /// The file.
-        file: PathBuf,
-        /// The error of the system.
-        source: io::Error,
-    },
+    NoSpace(PathBuf, u64),
+    /// The file cannot be made: its path, the system's error.
+    #[error("cannot record to {file}: {1}; choose another --record", file = .0.display())]
+    Make(PathBuf, #[source] io::Error),
     /// The memory between the threads cannot be made.
-    #[error("the recorder has no memory in /dev/shm: {source}; see `df /dev/shm` and `ulimit -a`")]
-    Ring {
-        /// The error of the system.
-        source: io::Error,
-    },
+    #[error("the recorder has no memory in /dev/shm: {0}; see `df /dev/shm` and `ulimit -a`")]
+    Ring(#[source] io::Error),
     /// The thread that writes cannot be started.
-    #[error("the recorder does not start: {source}; check the limits of this process")]
-    Thread {
-        /// The error of the system.
-        source: io::Error,
-    },
+    #[error("the recorder does not start: {0}; check the limits of this process")]
+    Thread(#[source] io::Error),
 }
 
 /// An error that prevents reading a recording.
@@ -59,20 +37,14 @@ pub enum RecordError {
 #[non_exhaustive]
 pub enum RecordingError {
     /// The system cannot read it.
-    #[error("it cannot be read: {source}; give the path of a readable file")]
-    Read {
-        /// The error of the system.
-        source: io::Error,
-    },
+    #[error("it cannot be read: {0}; give the path of a readable file")]
+    Read(#[from] io::Error),
     /// It is not a recording.
     #[error("it is no recording; give a file that `sarrus serve --record` wrote")]
     Foreign,
-    /// It has another version.
-    #[error("it is a recording of format {found}, expected {FORMAT}; use the sarrus that wrote it")]
-    Format {
-        /// Its version.
-        found: u64,
-    },
+    /// It has this version, which is another one.
+    #[error("it is a recording of format {0}, expected {FORMAT}; use the sarrus that wrote it")]
+    Format(u64),
     /// Its first page is damaged.
     #[error("its header is damaged; take another copy of the file")]
     Header,
@@ -84,12 +56,9 @@ pub enum RecordingError {
         /// The size that its header names.
         expected: u64,
     },
-    /// Its segments are all but empty.
-    #[error("more than {most} bytes of it hold no record; take another copy of the file")]
-    Holes {
-        /// The bytes without a record that are read.
-        most: u64,
-    },
+    /// Its segments are all but empty: more than so many bytes hold no record.
+    #[error("more than {0} bytes of it hold no record; take another copy of the file")]
+    Holes(u64),
     /// The robot in it is damaged.
     #[error("the robot in it is damaged; take another copy of the file")]
     Robot,
@@ -104,10 +73,4 @@ pub enum RecordingError {
         /// The fingerprint of the recording.
         expected: u64,
     },
-}
-
-impl From<io::Error> for RecordingError {
-    fn from(source: io::Error) -> RecordingError {
-        RecordingError::Read { source }
-    }
 }

@@ -33,7 +33,7 @@ pub(super) struct RecordFile {
     file: File,
     header: Header,
     /// The end, with the pending frames.
-    end: Settled,
+    pub(super) end: Settled,
     /// Frames not written yet; they end at `end`.
     batch: Vec<u8>,
 }
@@ -49,7 +49,7 @@ impl RecordFile {
         robot: &[u8],
     ) -> Result<RecordFile, RecordError> {
         set_aside(path)?;
-        let failed = |source| RecordError::Make { file: path.to_owned(), source };
+        let failed = |source| RecordError::Make(path.to_owned(), source);
         let mut options = OpenOptions::new();
         let file = options
             .read(true)
@@ -67,10 +67,9 @@ impl RecordFile {
         if let Err(source) = made {
             let _ = fs::remove_file(path);
             return Err(match source.kind() {
-                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => RecordError::NoSpace {
-                    file: path.to_owned(),
-                    bytes: header.file().unwrap_or(u64::MAX),
-                },
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                    RecordError::NoSpace(path.to_owned(), header.file().unwrap_or(u64::MAX))
+                }
                 _ => failed(source),
             });
         }
@@ -78,11 +77,6 @@ impl RecordFile {
         // no room: the first frame begins the first segment
         let end = Settled { at: header.segment, ..Settled::default() };
         Ok(RecordFile { file, header, end, batch })
-    }
-
-    /// The end of the file, once every frame is flushed.
-    pub(super) fn end(&self) -> Settled {
-        self.end
     }
 
     /// Adds a frame.
@@ -223,7 +217,7 @@ fn ends_at(file: &File, header: &Header, end: Settled) -> bool {
 /// Keeps the recording of an earlier run as `FILE.1`, and those before it under the next numbers;
 /// one without a record is removed.
 fn set_aside(path: &Path) -> Result<(), RecordError> {
-    let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    let failed = |source| RecordError::Make(path.to_owned(), source);
     if let Err(error) = complete(path) {
         line(format_args!(
             "sarrus serve: warning: the last records of {} may be missing: {error}",
@@ -256,12 +250,12 @@ pub(super) fn remove_oldest(path: &Path) -> bool {
 /// A recording to which no server records, locked, and its first page; `None` where there is no
 /// file.
 fn claim(path: &Path) -> Result<Option<(File, Vec<u8>)>, RecordError> {
-    let failed = |source| RecordError::Make { file: path.to_owned(), source };
+    let failed = |source| RecordError::Make(path.to_owned(), source);
     let metadata = match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         found => found.map_err(failed)?,
     };
-    let foreign = || RecordError::Foreign { file: path.to_owned() };
+    let foreign = || RecordError::Foreign(path.to_owned());
     if !metadata.is_file() {
         return Err(foreign());
     }
@@ -273,7 +267,7 @@ fn claim(path: &Path) -> Result<Option<(File, Vec<u8>)>, RecordError> {
     }
     match file.try_lock() {
         Ok(()) => Ok(Some((file, page))),
-        Err(fs::TryLockError::WouldBlock) => Err(RecordError::InUse { file: path.to_owned() }),
+        Err(fs::TryLockError::WouldBlock) => Err(RecordError::InUse(path.to_owned())),
         Err(fs::TryLockError::Error(source)) => Err(failed(source)),
     }
 }

@@ -97,7 +97,7 @@ impl Header {
             return Err(RecordingError::Foreign);
         }
         if word(page, 1) != FORMAT {
-            return Err(RecordingError::Format { found: word(page, 1) });
+            return Err(RecordingError::Format(word(page, 1)));
         }
         let checked = page.get(..WORD * (HEADER - 1)).unwrap_or_default();
         if word(page, HEADER - 1) != checksum(MAGIC, words(checked)) {

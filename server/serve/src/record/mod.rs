@@ -112,12 +112,12 @@ fn start(
     let create = |seconds| {
         let header = Header { seconds, ..header }
             .sized(lanes as u64, (4 * n_vy + n_u) as u64)
-            .ok_or_else(|| RecordError::NoSpace { file: options.file.clone(), bytes: u64::MAX })?;
+            .ok_or_else(|| RecordError::NoSpace(options.file.clone(), u64::MAX))?;
         RecordFile::create(&options.file, header, &robot)
     };
     let mut seconds = options.seconds.into();
     let mut file = create(seconds);
-    while let Err(RecordError::NoSpace { .. }) = file {
+    while let Err(RecordError::NoSpace(..)) = file {
         if !remove_oldest(&options.file) {
             if !options.is_optional || seconds <= 1 {
                 break;
@@ -131,10 +131,10 @@ fn start(
         line(format_args!("sarrus serve: warning: the disk has room to record {seconds} s only"));
     }
 
-    let ends = ring::ring(header.run, ticks, file.end(), ring::CAPACITY).inspect_err(|_| {
+    let ends = ring::ring(header.run, ticks, file.end, ring::CAPACITY).inspect_err(|_| {
         let _ = std::fs::remove_file(&options.file);
     });
-    let (recorder, records) = ends.map_err(|source| RecordError::Ring { source })?;
+    let (recorder, records) = ends.map_err(RecordError::Ring)?;
     let writer = Writer { records, file, clock, start: ticks };
     let thread = std::thread::Builder::new()
         .name("sarrus-record".to_owned())
@@ -142,7 +142,7 @@ fn start(
             place();
             writer.run();
         })
-        .map_err(|source| RecordError::Thread { source })?;
+        .map_err(RecordError::Thread)?;
     info!(file = %options.file.display(), "recording");
     Ok((recorder, thread))
 }
@@ -180,7 +180,7 @@ impl Writer {
             self.file.add(&body)?;
         }
         self.file.flush()?;
-        self.records.settle(self.file.end());
+        self.records.settle(self.file.end);
         Ok(())
     }
 }

@@ -153,7 +153,7 @@ impl<R: Read + Seek> Recording<R> {
                     at += WORD;
                     holes += WORD as u64;
                     if holes > HOLES {
-                        return Err(RecordingError::Holes { most: HOLES });
+                        return Err(RecordingError::Holes(HOLES));
                     }
                     continue;
                 };

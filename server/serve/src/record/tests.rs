@@ -114,7 +114,7 @@ fn a_forged_recording_with_holes_is_refused_in_bounded_work() {
     assert_eq!(recording.read(|_, _| {}).unwrap(), Gaps::default());
     let mut recording = Recording::open(hollow(header, 1000)).unwrap();
     let error = recording.read(|_, _| {}).unwrap_err();
-    assert!(matches!(error, RecordingError::Holes { .. }), "{error}");
+    assert!(matches!(error, RecordingError::Holes(_)), "{error}");
 }
 
 #[test]

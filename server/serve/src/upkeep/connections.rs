@@ -82,10 +82,10 @@ pub(crate) struct Connections {
     /// Places of lanes, then of services; `None` where one is free.
     places: Vec<Option<Segment>>,
     /// Most clients with a lane.
-    n_lanes: usize,
+    pub(crate) n_lanes: usize,
     orders: Producer<Order>,
     retired: Consumer<Retired>,
-    lanes_made: u64,
+    pub(crate) lanes_made: u64,
 }
 
 impl Connections {
@@ -117,14 +117,6 @@ impl Connections {
     /// Number of connections that one process may hold.
     pub(crate) fn limit(&self) -> usize {
         self.n_lanes + MAX_SERVICE_CLIENTS + MAX_OBSERVERS
-    }
-
-    pub(crate) fn n_lanes(&self) -> usize {
-        self.n_lanes
-    }
-
-    pub(crate) fn lanes_made(&self) -> u64 {
-        self.lanes_made
     }
 
     /// Number of lanes that clients hold or that are being returned, up to the limit.

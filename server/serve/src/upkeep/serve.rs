@@ -89,7 +89,7 @@ impl ServeOptions {
     /// The placement of the threads, once all options are checked.
     fn placement(&self) -> Result<Placement, ServeError> {
         if self.lanes > MAX_LANES {
-            return Err(ServeError::TooManyLanes { found: self.lanes });
+            return Err(ServeError::TooManyLanes(self.lanes));
         }
         let &ServeOptions { cpu, priority, lock_memory, wait, .. } = self;
         Ok(Placement::new(Flags { cpu, priority, lock_memory, busy: wait == Wait::Busy })?)
@@ -148,7 +148,7 @@ fn serve_in(
     hot.engine.set_aside(threads_aside(&model, n_places, placement)?);
     let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
     // clients that connect before the first step of upkeep wait
-    let socket = |source| ServeError::Socket { path: run.name_folder().to_owned(), source };
+    let socket = |source| ServeError::Socket(run.name_folder().to_owned(), source);
     let listener = run.listen().map_err(socket)?;
     let thread = spawn(hot, placement.clone())?;
     if let Err(error) = placement.place_other() {
@@ -192,7 +192,7 @@ fn serve_in(
         if is_clean { Ok(()) } else { Err(ServeError::Died) }
     });
     upkeep.steps = Arc::default();
-    if !matches!(ended, Err(ServeError::Hung { .. })) {
+    if !matches!(ended, Err(ServeError::Hung(_))) {
         upkeep.calls.plans.stop();
         // the recorder ends when it has written all answers
         recording.map(JoinHandle::join);
@@ -266,10 +266,10 @@ fn take_name(domain: &Domain, name: &ServerName) -> Result<Run, ServeError> {
             Ok(run) => return Ok(run),
             Err(RunError::Taken) if start.elapsed() < TAKE => {}
             Err(RunError::Taken) => {
-                return Err(ServeError::NameTaken { name: name.as_str().to_owned() });
+                return Err(ServeError::NameTaken(name.as_str().to_owned()));
             }
             Err(RunError::Folder { path, source }) => {
-                return Err(ServeError::Folder { path, source });
+                return Err(ServeError::Folder(path, source));
             }
             Err(RunError::Domain(error)) => return Err(error.into()),
         }
@@ -301,7 +301,7 @@ fn spawn(mut hot: AnsweringThread, placement: Placement) -> Result<JoinHandle<()
     };
     // entries of large lanes are copied on the stack
     let builder = std::thread::Builder::new().name("sarrus-hot".to_owned()).stack_size(16 << 20);
-    let thread = builder.spawn(body).map_err(|source| ServeError::Thread { source })?;
+    let thread = builder.spawn(body).map_err(ServeError::Thread)?;
     outcome.recv().map_err(|_| ServeError::Died)??;
     Ok(thread)
 }
@@ -335,7 +335,7 @@ impl Upkeep {
         stop: &AtomicBool,
         name: &str,
     ) -> Result<(), ServeError> {
-        let hung = || ServeError::Hung { seconds: HEARTBEAT_TIMEOUT.as_secs() };
+        let hung = || ServeError::Hung(HEARTBEAT_TIMEOUT.as_secs());
         while !stop.load(Relaxed) && !thread.is_finished() {
             self.step(stop, false);
             if self.watchdog.is_lost() {
@@ -418,8 +418,8 @@ fn statistics(calls: &Calls, counters: &Counters, clock: &Clock, since: Instant)
         counts: counters.counts(),
         latency_ns: counters.percentiles(clock),
         lanes_taken: connections.lanes_taken() as u64,
-        lanes: connections.n_lanes() as u64,
-        lanes_made: connections.lanes_made(),
+        lanes: connections.n_lanes as u64,
+        lanes_made: connections.lanes_made,
         plans: calls.plans.len() as u64,
         system_allocations: pool.system,
         pool_allocations: pool.pool,

@@ -91,7 +91,7 @@ pub(crate) fn watch_upkeep(
     };
     let builder = std::thread::Builder::new().name("sarrus-watch".to_owned());
     let thread = builder.stack_size(256 << 10).spawn(body);
-    thread.map(|_| steps).map_err(|source| ServeError::Thread { source })
+    thread.map(|_| steps).map_err(ServeError::Thread)
 }
 
 /// Reports that the upkeep thread hangs, and ends this process if it is supervised.

@@ -115,7 +115,7 @@ impl OnTree {
                 }
                 let free = |k: &usize| joints[*k].1.is_none() && stiffness[*k] != 0.0;
                 if let Some(k) = (0..joints.len()).find(free) {
-                    return Err(SimulationError::GainOnFreeJoint { name: names[k].clone() });
+                    return Err(SimulationError::GainOnFreeJoint(names[k].clone()));
                 }
             }
         }

@@ -28,6 +28,7 @@ const SURE: u32 = 5;
 const POWER: u32 = 20;
 
 /// The method between steps.
+#[derive(Default)]
 pub(crate) struct Dop853 {
     rtol: f64,
     atol: f64,
@@ -52,16 +53,7 @@ impl ODE<f64, Vec<f64>> for Bridge<'_> {
 
 impl Dop853 {
     pub(crate) fn new(rtol: f64, atol: f64, end: f64, first: Option<f64>) -> Dop853 {
-        Dop853 {
-            rtol,
-            atol,
-            end,
-            first: first.unwrap_or(0.0),
-            method: None,
-            failures: 0,
-            found: 0,
-            stiff: false,
-        }
+        Dop853 { rtol, atol, end, first: first.unwrap_or(0.0), ..Dop853::default() }
     }
 
     /// A method at its start; the step is chosen by the crate where none is known.

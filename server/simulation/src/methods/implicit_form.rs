@@ -51,7 +51,7 @@ impl<'a> Form<'a> {
         };
         Ok(Form {
             form: ImplicitForm::with_wrenches(model, &links),
-            workspace: Workspace::for_plans(model, frames.iter().map(Planned::plan)),
+            workspace: Workspace::for_plans(model, frames.iter().map(|planned| &planned.plan)),
             frames,
             tau_q: vec![0.0; mechanism.sizes.n_v],
             wrenches: vec![0.0; 6 * links.len()],

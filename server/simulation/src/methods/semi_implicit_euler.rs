@@ -26,6 +26,10 @@ impl OneStep for SemiImplicitEuler {
         self.next.extend_from_slice(x);
         let rate = &engine.anchor.rate;
         (n_qy..x.len()).for_each(|i| self.next[i] += h * rate[i]);
+        // a rotor behind a spring moves by its new speed too
+        for at in (0..engine.mechanism.effects.rotors.len()).map(|k| engine.mechanism.rotor(k)) {
+            self.next[at + 1] = x[at + 1] + h * self.next[at];
+        }
         let (y, rest) = self.next.split_at_mut(n_qy);
         engine.mechanism.y.advance(y, &rest[..n_vy], h);
         engine.accept(to, &mut self.next, x)

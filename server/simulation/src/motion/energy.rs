@@ -85,7 +85,7 @@ impl<T: PlanScalar> Meter<T> {
         }
         rotors.retain(|of| of.1 != 0.0);
         springs.retain(|of| of.1 != 0.0);
-        let workspace = Workspace::for_plans(model, plans.iter().map(Planned::plan));
+        let workspace = Workspace::for_plans(model, plans.iter().map(|planned| &planned.plan));
         Ok(Meter { masses, plans, workspace, gravity: description.gravity, rotors, springs })
     }
 

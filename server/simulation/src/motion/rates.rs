@@ -1,12 +1,15 @@
-//! The right-hand side: from t and x = [y; ẏ; ϑ; work] to ẋ.
+//! The right-hand side: from t and x = [y; ẏ; ϑ; θ̇ and θ of each elastic motor; work] to ẋ.
 //!
 //! ```text
 //!   ẏ from y's own velocity (a quaternion: ½ q ω of the unit quaternion),
 //!   ÿ = FD(y, ẏ, τ_q(t, q, q̇), springs),   work' = τ_q · q̇ − losses,
-//!   T ϑ' = (τ / τ_c)² − ϑ of the windings whose time constant and continuous force are known
+//!   T ϑ' = (τ / τ_c)² − ϑ of the windings whose time constant and continuous force are known,
+//!   J θ̈ = τ_m − k (θ − u) of rotors behind springs
 //! ```
 //! The work of inputs and dampers is integrated beside the state, so that energy less work stays
-//! constant.
+//! constant; of a motor on a rotor behind a spring it is that of τ_m along θ.
+
+use std::borrow::Cow;
 
 use sarrus_dynamics::description::{Description, Friction, Joint};
 use sarrus_dynamics::{
@@ -18,6 +21,7 @@ use crate::coordinates::Coordinates;
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
+use crate::motion::elastic::Rotor;
 use crate::planned::Planned;
 
 /// Numbers of G up to which it is asked for to continue closures along.
@@ -45,12 +49,14 @@ pub(crate) struct Mechanism {
 }
 
 /// Effects that simulations leave out unless they are asked.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Effects {
     pub(crate) friction: bool,
     pub(crate) limited: bool,
     /// Stiffness of stops at the limits of joints.
     pub(crate) stops: Option<f64>,
+    /// Rotors behind springs; the description has none at their joints.
+    pub(crate) rotors: Vec<Rotor>,
 }
 
 /// Part of the temperature of the continuous force from which on the largest force falls to it.
@@ -98,12 +104,12 @@ impl Mechanism {
             dampers: damped
                 .filter_map(|joint| Some((place(&joint.name)?, joint.terms.damping)))
                 .collect(),
-            effects,
             frictions: rough
                 .filter_map(|joint| Some((place(&joint.name)?, joint.terms.friction)))
                 .collect(),
             actuators: model.active_names().iter().filter_map(place).collect(),
             stops: if effects.stops.is_some() { stops(model.info()) } else { Vec::new() },
+            effects,
         }
     }
 
@@ -131,12 +137,22 @@ impl Mechanism {
 
     /// Numbers in x whose error is controlled: all but the work.
     pub(crate) fn controlled(&self) -> usize {
-        self.sizes.n_qy + self.sizes.n_vy + self.windings.len()
+        self.rotor(self.effects.rotors.len())
+    }
+
+    /// Place of the k-th rotor's θ̇ and θ in x.
+    pub(crate) fn rotor(&self, k: usize) -> usize {
+        self.sizes.n_qy + self.sizes.n_vy + self.windings.len() + 2 * k
     }
 
     /// Numbers in x.
     pub(crate) fn n(&self) -> usize {
         self.controlled() + usize::from(self.works())
+    }
+
+    /// Numbers of the forces: on the tree, then of motors on rotors behind springs.
+    pub(crate) fn forced(&self) -> usize {
+        self.sizes.n_v + self.effects.rotors.len()
     }
 
     /// True where closures continue along G: a robot with loops that is not too large.
@@ -154,13 +170,15 @@ impl Mechanism {
     fn feels(&self) -> bool {
         let limits = self.effects.limited && self.inputs.iter().any(|input| input.is_of_motors);
         limits
+            || !self.effects.rotors.is_empty()
             || !self.stops.is_empty()
             || !self.springs.is_empty()
             || self.inputs.iter().any(OnTree::is_feedback)
     }
 
-    /// The forces of the inputs on the tree at x. Calls `each` with an actuator, its force, and
-    /// whether that is kept within its limits.
+    /// The forces of the inputs on the tree at x, and after them those of motors on rotors behind
+    /// springs. Calls `each` with an actuator, its force, and whether that is kept within its
+    /// limits.
     pub(crate) fn forces<T: PlanScalar>(
         &self,
         model: &Model<T>,
@@ -171,10 +189,17 @@ impl Mechanism {
     ) {
         let warmth = x.get(self.sizes.n_qy + self.sizes.n_vy..).unwrap_or_default();
         tau_q.fill(T::ZERO);
+        // a motor behind a spring sees its rotor
+        let mut seen = (Cow::Borrowed(q), Cow::Borrowed(qd));
+        for (k, rotor) in self.effects.rotors.iter().enumerate() {
+            seen.1.to_mut()[rotor.v] = x[self.rotor(k)];
+            seen.0.to_mut()[rotor.q] = x[self.rotor(k) + 1];
+        }
         let of_motors = |input: &&OnTree| input.is_of_motors;
-        self.inputs.iter().filter(of_motors).for_each(|input| input.add(t, q, qd, tau_q));
+        let motors = self.inputs.iter().filter(of_motors);
+        motors.for_each(|input| input.add(t, &seen.0, &seen.1, tau_q));
         for (u, v) in self.actuators.iter().enumerate().filter(|_| self.effects.limited) {
-            let speed = qd.get(*v).map_or(0.0, |speed| speed.to_f64());
+            let speed = seen.1.get(*v).map_or(0.0, |speed| speed.to_f64());
             let Some(limits) = model.actuator_forces(u, speed) else { continue };
             let winding = self.windings.iter().zip(warmth).find(|((of, ..), _)| *of == u);
             let [lower, upper] = limits.map(|limit| {
@@ -187,6 +212,10 @@ impl Mechanism {
             let tau = T::select_lt(tau, lower, lower, tau);
             each(u, tau, tau != tau_q[*v]);
             tau_q[*v] = tau;
+        }
+        for (k, rotor) in self.effects.rotors.iter().enumerate() {
+            tau_q[self.sizes.n_v + k] = tau_q[rotor.v];
+            tau_q[rotor.v] = rotor.force(x[self.rotor(k) + 1], q);
         }
         let others = self.inputs.iter().filter(|input| !input.is_of_motors);
         others.for_each(|input| input.add(t, q, qd, tau_q));
@@ -276,15 +305,17 @@ impl<T: PlanScalar> Rates<T> {
             query = query.with_options(QueryOptions::FRICTION);
         }
         let forward = Planned::new(&model, &query)?;
-        let workspace =
-            Workspace::for_plans(&model, pose.iter().chain([&forward]).map(Planned::plan));
+        let workspace = Workspace::for_plans(
+            &model,
+            pose.iter().chain([&forward]).map(|planned| &planned.plan),
+        );
         let of = |n: usize| vec![T::ZERO; n];
         Ok(Rates {
             workspace,
             pose,
             forward,
             y: of(mechanism.sizes.n_qy),
-            tau_q: of(mechanism.sizes.n_v),
+            tau_q: of(mechanism.forced()),
             given: of(mechanism.sizes.n_u),
             wrenches: of(6 * links.len()),
             effect: Effect { energy: T::ZERO, loss: T::ZERO },
@@ -314,9 +345,19 @@ impl<T: PlanScalar> Rates<T> {
             let part = self.given[*u] / T::from_f64(*continuous);
             rate[n_qy + n_vy + k] = (part * part - x[n_qy + n_vy + k]) / T::from_f64(*time);
         }
+        let [q, qd] = [Field::Q, Field::Qd].map(|field| self.forward.get(field));
+        let mut power = mechanism.power(qd, &self.tau_q, self.effect.loss);
+        for (k, rotor) in mechanism.effects.rotors.iter().enumerate() {
+            let at = mechanism.rotor(k);
+            let force = rotor.force(x[at + 1], q);
+            let motor = self.tau_q[mechanism.sizes.n_v + k];
+            rate[at] = (motor - force) / T::from_f64(rotor.inertia);
+            rate[at + 1] = x[at];
+            // the spring's force is no input
+            power += motor * x[at] - force * qd[rotor.v];
+        }
         if mechanism.works() {
-            rate[mechanism.controlled()] =
-                mechanism.power(self.forward.get(Field::Qd), &self.tau_q, self.effect.loss);
+            rate[mechanism.controlled()] = power;
         }
         // an overflow is no motion either
         if rate.iter().all(|x| x.is_finite()) { answer } else { failed(Status::NonFiniteInput) }
@@ -358,7 +399,7 @@ impl<T: PlanScalar> Rates<T> {
         let state = (q, qd);
         mechanism.forces(&self.model, (t, x), state, &mut self.tau_q, |u, tau, _| given[u] = tau);
         self.pull(mechanism);
-        self.forward.give(Field::TauQ, &self.tau_q);
+        self.forward.give(Field::TauQ, &self.tau_q[..mechanism.sizes.n_v]);
         self.forward.give(Field::Wrenches, &self.wrenches);
         self.forward.run(&self.model, &mut self.workspace)
     }

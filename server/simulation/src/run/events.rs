@@ -35,26 +35,14 @@ pub enum EventKind {
         why: String,
     },
     /// A step was taken back because the right-hand side had no answer on its way; a shorter one
-    /// had.
-    Shortened {
-        /// Why.
-        status: Status,
-    },
-    /// The simulation ended near a singularity.
-    NearSingular {
-        /// Distance to it.
-        distance: f64,
-    },
-    /// An actuator came to its limits.
-    Limited {
-        /// Which.
-        name: String,
-    },
-    /// A joint came to its stop.
-    Stopped {
-        /// Which.
-        name: String,
-    },
+    /// had. Holds the status of the one taken back.
+    Shortened(Status),
+    /// The simulation ended near a singularity, at this distance.
+    NearSingular(f64),
+    /// The actuator of this joint came to its limits.
+    Limited(String),
+    /// The joint of this name came to its stop.
+    Stopped(String),
     /// The problem is stiff for an explicit method.
     Stiff,
 }

@@ -20,7 +20,10 @@ pub struct Sample {
     pub q: Vec<f64>,
     /// Tree velocities (n_v).
     pub qd: Vec<f64>,
-    /// Energies, those of springs between links among them, and the loops' residual.
+    /// Position of each elastic motor in the coordinate of its joint.
+    pub theta: Vec<f64>,
+    /// Energies, those of springs between links and in actuators among them, and the loops'
+    /// residual.
     pub energy: Energy,
     /// Work of inputs less losses of dampers since the start `[J]`.
     pub work: f64,
@@ -41,6 +44,7 @@ impl Sample {
             yd: pick(qd, yd),
             q: q.to_vec(),
             qd: qd.to_vec(),
+            theta: Vec::new(),
             energy: Energy::default(),
             work: work.copied().unwrap_or(0.0),
         }
@@ -53,10 +57,11 @@ impl Sample {
 }
 
 /// How a simulation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Default, Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum End {
     /// At the end of its time.
+    #[default]
     Finished,
     /// Ahead lies a state without an answer.
     Failed(Status),
@@ -84,7 +89,7 @@ impl End {
 }
 
 /// A simulation that has ended.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
     /// Samples, the first at the start, the last at the last good state.
     pub samples: Vec<Sample>,
@@ -101,25 +106,13 @@ pub struct Run {
     pub correction: [f64; 2],
     /// Names of the independents at the end.
     pub independents: Vec<String>,
+    /// Actuators with a spring between motor and joint.
+    pub elastic: Vec<String>,
     /// Estimate of the largest error of y and of ẏ at the end, where it was asked for.
     pub error_estimate: Option<[f64; 2]>,
 }
 
 impl Run {
-    /// A run that has not begun.
-    pub(crate) fn new(correction: [f64; 2]) -> Run {
-        Run {
-            samples: Vec::new(),
-            events: Vec::new(),
-            counts: Counts::default(),
-            end: End::Finished,
-            time: 0.0,
-            correction,
-            independents: Vec::new(),
-            error_estimate: None,
-        }
-    }
-
     /// Largest change of energy less work, as a share of the largest kinetic or change of potential
     /// energy.
     pub fn drift(&self) -> f64 {

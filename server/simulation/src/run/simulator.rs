@@ -13,6 +13,7 @@ use super::start::Start;
 use super::switching::{NEAR, Watch};
 use crate::error::SimulationError;
 use crate::methods::{Attempt, Stepper};
+use crate::motion::elastic;
 use crate::motion::energy::{Energy, Meter};
 use crate::motion::engine::{Anchor, Engine};
 use crate::motion::rates::Effects;
@@ -62,18 +63,30 @@ impl<'a> Simulator<'a> {
         let start = start.check(model)?;
         let (springs, inputs) = setup.checked()?;
         let Settings { friction, limited, stops: stiffness, .. } = *settings;
-        let effects = Effects { friction, limited, stops: stiffness };
-        let robot = (setup.description.clone(), setup.compiled.clone());
+        let mut robot = (setup.description.clone(), setup.compiled.clone());
+        let (rotors, elastic) = elastic::rotors(model, setup.description);
+        if !elastic.is_empty() {
+            robot = elastic::parted(robot.0, &elastic)?;
+        }
+        let effects = Effects { friction, limited, stops: stiffness, rotors };
         let mut engine = Engine::new(robot, springs, inputs, effects, &start.guess)?;
         engine.may_be_precise = settings.precise;
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
-        let status = engine.settle(0.0, &mut x);
+        let mut status = engine.settle(0.0, &mut x);
+        // no spring is stretched
+        if status == Status::Ok && !elastic.is_empty() {
+            for (k, rotor) in engine.mechanism.effects.rotors.iter().enumerate() {
+                let at = engine.mechanism.rotor(k);
+                (x[at], x[at + 1]) = (engine.anchor.qd[rotor.v], engine.anchor.q[rotor.q]);
+            }
+            status = engine.settle(0.0, &mut x);
+        }
         if status != Status::Ok {
             return Err(SimulationError::Start { status, detail: 0.0 });
         }
         Ok(Simulator {
-            meter: Meter::new(model, setup.description)?,
+            meter: Meter::new(&engine.compiled.model, &engine.description)?,
             precise_meter: None,
             watch: if settings.switching || settings.precise { Watch::new(model)? } else { None },
             near: None,
@@ -82,7 +95,7 @@ impl<'a> Simulator<'a> {
             stops,
             t: 0.0,
             x,
-            run: Run::new(start.correction),
+            run: Run { elastic, correction: start.correction, ..Run::default() },
             engine,
             declared: setup.declared(),
             contact: None,
@@ -187,7 +200,7 @@ impl<'a> Simulator<'a> {
         }
         let near = self.distance().filter(|near| *near < NEAR && !self.run.end.is_finished());
         if let Some(distance) = near {
-            let kind = EventKind::NearSingular { distance };
+            let kind = EventKind::NearSingular(distance);
             self.run.events.push(Event { time: self.t, kind });
         }
         self.run.counts = self.engine.counts;
@@ -199,7 +212,7 @@ impl<'a> Simulator<'a> {
     /// A step was taken back for want of an answer; one event for each kind of reason in a row.
     fn note_failure(&mut self) {
         let Some(status) = self.engine.last_failure else { return };
-        let kind = EventKind::Shortened { status };
+        let kind = EventKind::Shortened(status);
         if self.run.events.last().is_none_or(|event| event.kind != kind) {
             self.run.events.push(Event { time: self.t, kind });
         }
@@ -222,7 +235,7 @@ impl<'a> Simulator<'a> {
             if touches != [false; 2] {
                 let name = compiled.model.tree_names()[mechanism.stopped(k)].clone();
                 let time = if touches[0] { t } else { self.t };
-                self.run.events.push(Event { time, kind: EventKind::Stopped { name } });
+                self.run.events.push(Event { time, kind: EventKind::Stopped(name) });
                 continue;
             }
             // the root of the cubic through both ends, by bisection
@@ -252,13 +265,13 @@ impl<'a> Simulator<'a> {
         let Engine { compiled, mechanism, anchor, .. } = &self.engine;
         let model = &compiled.model;
         let mut now = vec![false; self.cut.len()];
-        let mut tau_q = vec![0.0; mechanism.sizes.n_v];
+        let mut tau_q = vec![0.0; mechanism.forced()];
         let state = (anchor.q.as_slice(), anchor.qd.as_slice());
         let at = (self.t, self.x.as_slice());
         mechanism.forces(model, at, state, &mut tau_q, |u, _, is_cut| now[u] = is_cut);
         for (u, name) in model.active_names().iter().enumerate() {
             if now[u] && !self.cut[u] {
-                let kind = EventKind::Limited { name: name.clone() };
+                let kind = EventKind::Limited(name.clone());
                 self.run.events.push(Event { time: self.t, kind });
             }
         }
@@ -325,7 +338,14 @@ impl<'a> Simulator<'a> {
         let mut energy = measured.unwrap_or(nothing);
         energy.potential += anchor.springs.energy;
         let work = self.x.get(self.engine.mechanism.controlled());
-        let sample = Sample::new(self.t, guess, &self.declared, work);
+        let mut sample = Sample::new(self.t, guess, &self.declared, work);
+        for (k, rotor) in self.engine.mechanism.effects.rotors.iter().enumerate() {
+            let at = self.engine.mechanism.rotor(k);
+            let [kinetic, potential] = rotor.energy([self.x[at], self.x[at + 1]], guess[0]);
+            (energy.kinetic, energy.potential) =
+                (energy.kinetic + kinetic, energy.potential + potential);
+            sample.theta.push(self.x[at + 1]);
+        }
         self.run.samples.push(Sample { energy, ..sample });
         Ok(())
     }

@@ -50,11 +50,7 @@ impl Start {
         let pose = |what: &str, numbers: &[f64], names: &[String], of: &Coordinates| {
             SimulationError::check_numbers(what, numbers, names)?;
             let by = of.off_unit(numbers);
-            if by < UNIT {
-                Ok(())
-            } else {
-                Err(SimulationError::NotUnit { what: what.to_owned(), by })
-            }
+            if by < UNIT { Ok(()) } else { Err(SimulationError::NotUnit(what.to_owned(), by)) }
         };
         match self {
             Start::Independent { y, yd, guess } => {
@@ -84,7 +80,7 @@ fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, Simulatio
     let query = Query::new(Request::Kinematics, given, want);
     let mut planned = Planned::new(model, &query.with_options(QueryOptions::SEARCH))?;
     planned.give(Field::Y, y);
-    let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
+    let status = planned.run(model, &mut Workspace::for_plans(model, [&planned.plan])).status;
     match status {
         Status::Ok => Ok(planned.get(Field::Q).to_vec()),
         status => Err(SimulationError::Start { status, detail: 0.0 }),
@@ -106,7 +102,7 @@ fn closed(
     )
     .with_options(QueryOptions::SEARCH);
     let mut planned = Planned::new(model, &query)?;
-    let mut workspace = Workspace::for_plans(model, [planned.plan()]);
+    let mut workspace = Workspace::for_plans(model, [&planned.plan]);
     planned.give(Q, q);
     planned.give(Qd, qd);
     let status = planned.run(model, &mut workspace).status;

@@ -55,7 +55,7 @@ impl Watch {
             model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
-        let workspace = Workspace::for_plans(model, [planned.plan()]);
+        let workspace = Workspace::for_plans(model, [&planned.plan]);
         let cheap = model.sizes().n_v <= CHEAP;
         let infinite = f64::INFINITY;
         Ok(Some(Watch {
@@ -160,7 +160,7 @@ fn with_independents(
         (description, compiled),
         springs,
         inputs,
-        engine.mechanism.effects,
+        engine.mechanism.effects.clone(),
         &engine.anchor.q,
     )
     .map_err(|error| error.to_string())?;
@@ -171,7 +171,7 @@ fn with_independents(
     let y = places(model.independent_q_names(), model.tree_q_names());
     let yd = places(model.independent_names(), model.tree_names());
     let mut state = [pick(&engine.anchor.q, &y), pick(&engine.anchor.qd, &yd)].concat();
-    // the windings and the work go on
+    // the windings, the rotors behind springs and the work go on
     state.extend(&x[engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy..]);
     let status = next.settle(engine.anchor.t, &mut state);
     if status != Status::Ok {

@@ -8,6 +8,7 @@ use super::setup::Setup;
 use super::start::Start;
 use crate::error::SimulationError;
 use crate::methods::implicit_form::Form;
+use crate::motion::elastic;
 use crate::motion::energy::Meter;
 use crate::motion::rates::Mechanism;
 use crate::planned::Planned;
@@ -22,13 +23,20 @@ pub(super) fn run(
 ) -> Result<Run, SimulationError> {
     let model = &setup.compiled.model;
     let (springs, inputs) = setup.checked()?;
+    if !elastic::rotors(model, setup.description).1.is_empty() {
+        return Err(SimulationError::Setting {
+            what: "springs between motors and joints in a method for comparison",
+            found: 1.0,
+            expected: "another method",
+        });
+    }
     let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
     let (mut x, correction) = closed(model, &form.mechanism, start)?;
     let mut meter = Meter::new(model, setup.description)?;
     let n_q = form.mechanism.sizes.n_q;
     let n_v = form.mechanism.sizes.n_v;
     let declared = setup.declared();
-    let mut run = Run::new(correction);
+    let mut run = Run { correction, ..Run::default() };
     let mut t = 0.0;
     let mut sample = |form: &mut Form<'_>, run: &mut Run, t: f64, x: &[f64]| {
         let state = [&x[..n_q], &x[n_q..n_q + n_v]];
@@ -88,7 +96,7 @@ fn closed(
     planned.give(Y, &checked.y);
     planned.give(Yd, &checked.yd);
     planned.give(QGuess, &checked.guess);
-    let status = planned.run(model, &mut Workspace::for_plans(model, [planned.plan()])).status;
+    let status = planned.run(model, &mut Workspace::for_plans(model, [&planned.plan])).status;
     if status != Status::Ok {
         return Err(SimulationError::Start { status, detail: 0.0 });
     }

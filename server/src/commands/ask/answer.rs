@@ -12,6 +12,9 @@ use super::request::{Asked, Output};
 /// The Jacobian of the actuators in the object of a link.
 const ACTUATOR: &str = "actuator";
 
+/// Difference of two limits that are one.
+const SAME: f64 = 1e-9;
+
 /// The reason why there are no numbers, and the column of the fault if it has one.
 pub(super) struct Remark {
     pub(super) column: Option<usize>,
@@ -46,7 +49,14 @@ pub(super) fn answer(
     for output in &asked.outputs {
         let value = match output {
             Output::Field(field) => {
-                part(*field).map(|(slot, numbers)| value(slot, numbers, model, &asked.query)).into()
+                let of = |(slot, numbers)| match field {
+                    Field::Limits => {
+                        let forces = part(Field::TauU).map(|(_, forces)| forces);
+                        json!(exceeded(numbers, model, &Rows::of(&asked.query, model), forces))
+                    }
+                    _ => value(slot, numbers, model, &asked.query),
+                };
+                part(*field).map(of).into()
             }
             Output::Frames => {
                 let parts = [
@@ -146,7 +156,6 @@ fn value(slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) -> Valu
             let chosen = model.tree.iter().zip(numbers).filter(|(_, x)| **x == 1.0);
             chosen.map(|(name, _)| name.as_str()).collect()
         }
-        Field::Limits => json!(exceeded(numbers, model, &Rows::of(query, model).v)),
         // a set of vertices has no others behind the first that is missing
         field if field.has_vertex_rows() => {
             let is_there = |row: &&[f64]| row.iter().all(|x| !x.is_nan());
@@ -192,23 +201,36 @@ fn value(slot: &Slot, numbers: &[f64], model: &ModelInfo, query: &Query) -> Valu
 struct Exceeded<'a> {
     name: &'a str,
     what: &'static str,
-    value: f64,
+    /// Of a force without `tau_u` it is not known.
+    value: Option<f64>,
     lower: Option<f64>,
     upper: Option<f64>,
 }
 
 /// The exceeded limits; `numbers` holds the excess over each one, 0 within it.
-fn exceeded<'a>(numbers: &[f64], model: &'a ModelInfo, velocities: &[usize]) -> Vec<Exceeded<'a>> {
+fn exceeded<'a>(
+    numbers: &[f64],
+    model: &'a ModelInfo,
+    rows: &Rows,
+    forces: Option<&[f64]>,
+) -> Vec<Exceeded<'a>> {
+    let force = |name: &String| {
+        let row = rows.u.iter().position(|u| model.active.get(*u) == Some(name))?;
+        forces?.get(row).copied()
+    };
     let mut found = Vec::new();
-    for (v, excess) in velocities.iter().zip(numbers.chunks_exact(3)) {
+    for (v, excess) in rows.v.iter().zip(numbers.chunks_exact(3)) {
         let Some((name, Some(limits))) = model.tree.get(*v).zip(model.limits.get(*v)) else {
             continue;
         };
-        for ((what, lower, upper), excess) in limits.ranges().into_iter().zip(excess) {
-            let bound = if *excess < 0.0 { lower } else { upper };
-            if let (Some(bound), true) = (bound, *excess != 0.0) {
-                found.push(Exceeded { name, what, value: bound + excess, lower, upper });
-            }
+        for ((what, mut lower, mut upper), excess) in limits.ranges().into_iter().zip(excess) {
+            let side = if *excess < 0.0 { &mut lower } else { &mut upper };
+            let (Some(bound), true) = (*side, *excess != 0.0) else { continue };
+            let value = if what == "effort" { force(name) } else { Some(bound + excess) };
+            // a motor's limit at this speed is less than its largest one
+            *side = value.map(|x| x - excess).filter(|at| (at - bound).abs() > SAME * bound.abs());
+            *side = side.or(Some(bound));
+            found.push(Exceeded { name, what, value, lower, upper });
         }
     }
     found

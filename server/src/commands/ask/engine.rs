@@ -23,11 +23,12 @@ pub(super) struct Reply {
 
 /// A robot in this process or a connected one, with the plans of earlier lines.
 pub(super) struct Engine {
-    robot: Robot,
+    pub(super) robot: Robot,
     plans: Vec<(Query, PlanId)>,
     /// The time, status and reason of the last failed attempt to reach the server.
     lost: Option<(Instant, Status, String)>,
-    was_lost: bool,
+    /// True if the server was lost at some time.
+    pub(super) was_lost: bool,
 }
 
 impl Engine {
@@ -47,15 +48,6 @@ impl Engine {
             outcome => outcome,
         };
         robot.map(Engine::new)
-    }
-
-    pub(super) fn robot(&self) -> &Robot {
-        &self.robot
-    }
-
-    /// True if the server was lost at some time.
-    pub(super) fn was_lost(&self) -> bool {
-        self.was_lost
     }
 
     /// Answers `rows` states of one query; `input` and `output` hold one packed row each. Rows with

@@ -22,7 +22,7 @@ pub(super) fn table_in_words() -> String {
             [entry.field.name(), entry.shape, entry.unit, entry.meaning].map(str::to_owned).into()
         })
         .collect();
-    HEAD.to_owned() + &table(&["name", "shape", "unit", "meaning"], &rows)
+    HEAD.to_owned() + &table("name | shape | unit | meaning", &rows)
 }
 
 #[cfg(test)]

@@ -115,7 +115,7 @@ impl Ask {
             Some(name) => Engine::connect(name).map_err(Failure::start)?,
             None => Engine::new(Robot::from_model(self.robot.load_and_warn()?.compiled)),
         };
-        let model = engine.robot().model().clone();
+        let model = engine.robot.model().clone();
         let code = Session { request, tolerances, model, engine }.run(self.batch.get())?;
         Ok(Results { text: String::new(), code })
     }
@@ -193,7 +193,7 @@ impl Session {
                 }
             }
         }
-        Ok(if self.engine.was_lost() { 2 } else { u8::from(!every_line_good) })
+        Ok(if self.engine.was_lost { 2 } else { u8::from(!every_line_good) })
     }
 
     /// Reads a line.
@@ -324,6 +324,7 @@ impl Session {
             });
             answer::bad_request(out, &Remark { column: Some(column), words });
         } else {
+            let words = words.or_else(|| reason(answer.status, &want, &numbers).map(str::to_owned));
             let remark = words.map(|words| Remark { column: None, words });
             answer::answer(out, &asked, &self.model, answer, &want, &numbers, remark.as_ref());
         }
@@ -382,4 +383,18 @@ fn packed(asked: &Asked, given: &Layout) -> Vec<f64> {
 /// The column of a byte, in characters from 1.
 fn column(text: &str, offset: usize) -> usize {
     text.char_indices().take_while(|(at, _)| *at < offset).count() + 1
+}
+
+/// The reason of a status that its name and the numbers do not tell.
+fn reason(status: Status, want: &Layout, numbers: &[f64]) -> Option<&'static str> {
+    let binding = want.slot(Field::Binding).and_then(|slot| numbers.get(slot.range()));
+    let is_free = binding.is_some_and(|rows| rows.iter().all(|x| *x == 0.0));
+    match status {
+        // those that are not finite were found before
+        Status::NonFiniteInput => Some("finite numbers, so large that the answer would not be"),
+        Status::Infeasible if is_free => {
+            Some("frames that are held, or freedoms without an actuator, contradict; no limit does")
+        }
+        _ => None,
+    }
 }

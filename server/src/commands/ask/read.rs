@@ -83,7 +83,7 @@ pub(super) struct Reader<'a> {
     names_request: bool,
     keys: Vec<(String, usize)>,
     want: Option<Vec<(Output, usize)>>,
-    frames: Option<Vec<(String, u16)>>,
+    pub(super) frames: Option<Vec<(String, u16)>>,
     /// The tree velocities of the wanted rows, ascending; empty for all.
     joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,

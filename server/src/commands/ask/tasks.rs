@@ -79,6 +79,15 @@ impl Reader<'_> {
                 false => Err(root.fault("contacts belong to a step of a motion".to_owned())),
             };
         }
+        if self.frames.is_some() {
+            let words = "frames are no part of a step; each task names its own".to_owned();
+            return Err(root.fault(words));
+        }
+        let mut given = self.given.iter();
+        if let Some(dt) = given.find(|given| given.field == Field::Dt && given.numbers == [0.0]) {
+            let words = "dt is 0, expected the time of a step, above 0".to_owned();
+            return Err(Fault { offset: dt.offset, words }.into());
+        }
         if self.motions.len() < self.tasks.len() {
             return Err(root.fault(format!("a task has no `{motion}`, or has more")));
         }
@@ -104,6 +113,9 @@ impl Reader<'_> {
     fn read_tasks(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
         let expected = "tasks as a list such as [{\"frame\": \"hand\", \"p\": [0.3, 0, 1]}]";
         let (listed, _) = list(value, MAX_FRAMES + 1, |item| item.members(16), expected)?;
+        if listed.is_empty() {
+            return Err(value.is_no("tasks as a list of one or more, or no tasks"));
+        }
         let mut packed = Vec::new();
         for (members, item) in listed {
             let mut frame = None;

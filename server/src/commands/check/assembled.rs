@@ -18,10 +18,8 @@ pub(super) fn in_words(report: &AssemblyReport) -> String {
         let Moved { name, given, found } = moved;
         vec![name.clone(), given.to_string(), found.to_string(), format!("{:+.3e}", found - given)]
     };
-    text += &table(
-        &["joint", "given", "found", "moved"],
-        &report.q.iter().map(row).collect::<Vec<_>>(),
-    );
+    let rows: Vec<Vec<String>> = report.q.iter().map(row).collect();
+    text += &table("joint | given | found | moved", &rows);
     if report.error.is_some() {
         return text;
     }

@@ -7,19 +7,8 @@ use sarrus_models::ClosureReport;
 
 use crate::commands::output::table;
 
-const HEADS: [&str; 11] = [
-    "submechanism",
-    "type",
-    "closure",
-    "rows",
-    "rank",
-    "redundant",
-    "idle",
-    "branch",
-    "misfit",
-    "sigma",
-    "cond",
-];
+const HEADS: &str = "submechanism | type | closure | rows | rank | redundant | idle | branch | \
+                     misfit | sigma | cond";
 
 /// The meaning of the columns.
 pub(super) const LEGEND: &str = "\
@@ -34,7 +23,7 @@ cond       condition number of the scaled K_d at the zero pose
 /// One row for each submechanism, then redundant rows, idle joints and singular poses by name.
 pub(super) fn in_words(closures: &[ClosureReport]) -> String {
     let rows: Vec<Vec<String>> = closures.iter().map(row).collect();
-    let mut text = table(&HEADS, &rows);
+    let mut text = table(HEADS, &rows);
     for report in closures {
         let closure = &report.closure;
         let mut line =

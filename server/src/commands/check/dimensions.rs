@@ -17,9 +17,9 @@ pub(super) fn in_words(dimensions: &Dimensions) -> String {
         .iter()
         .map(|of| vec![of.link.clone(), format!("{}", of.mass), format!("{:.0}", of.density)]);
     let parts = [
-        (&["loop", "link", "from", "to", "length in m"][..], lengths.collect::<Vec<_>>()),
-        (&["independent", "limits", "its loops close"], ranges.collect()),
-        (&["link", "mass in kg", "least density in kg/m³"], densities.collect()),
+        ("loop | link | from | to | length in m", lengths.collect::<Vec<_>>()),
+        ("independent | limits | its loops close", ranges.collect()),
+        ("link | mass in kg | least density in kg/m³", densities.collect()),
     ];
     let filled = parts.iter().filter(|(_, rows)| !rows.is_empty());
     filled.map(|(heads, rows)| format!("\n{}", table(heads, rows))).collect()

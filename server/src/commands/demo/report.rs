@@ -127,19 +127,9 @@ impl Report {
             row
         };
         let rows: Vec<Vec<String>> = self.ways.iter().map(row).collect();
-        text += &table(
-            &[
-                "time per request, µs",
-                "requests",
-                "median",
-                "90 %",
-                "99 %",
-                "99.9 %",
-                "largest",
-                "worst error",
-            ],
-            &rows,
-        );
+        let heads = "time per request, µs | requests | median | 90 % | 99 % | 99.9 % | largest | \
+                     worst error";
+        text += &table(heads, &rows);
         let requests: u64 = self.ways.iter().map(|way| way.requests).sum();
         let failed: u64 = self.ways.iter().map(|way| way.failed).sum();
         text += &match failed {

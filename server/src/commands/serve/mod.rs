@@ -205,9 +205,7 @@ impl Serve {
         if self.supervisor.is_some() {
             let (word, reason) = match &failure {
                 ServeFailure::Load(error) => (FAILED, first_line(error)),
-                ServeFailure::Serve(error @ ServeError::NameTaken { .. }) => {
-                    (TAKEN, error.to_string())
-                }
+                ServeFailure::Serve(error @ ServeError::NameTaken(_)) => (TAKEN, error.to_string()),
                 other => (FAILED, other.to_string()),
             };
             print_line(&format!("{word} {}", reason.replace(['\n', '\r'], " ")));

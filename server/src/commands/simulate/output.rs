@@ -144,14 +144,15 @@ impl Report<'_> {
 /// The name of a column and its value in a sample.
 type Column<'a> = (String, Box<dyn Fn(&Sample) -> f64 + 'a>);
 
-fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
+fn columns<'a>(loaded: &'a Loaded, run: &'a Run) -> Vec<Column<'a>> {
     let model = &loaded.compiled.model;
     let mut columns: Vec<Column<'a>> = vec![("time".to_owned(), Box::new(|sample| sample.time))];
-    let lists: [(&str, &[String], fn(&Sample) -> &[f64]); 4] = [
+    let lists: [(&str, &[String], fn(&Sample) -> &[f64]); 5] = [
         ("y", model.independent_q_names(), |sample| &sample.y),
         ("yd", model.independent_names(), |sample| &sample.yd),
         ("q", model.tree_q_names(), |sample| &sample.q),
         ("qd", model.tree_names(), |sample| &sample.qd),
+        ("theta", &run.elastic, |sample| &sample.theta),
     ];
     for (symbol, names, list) in lists {
         for (k, name) in names.iter().enumerate() {
@@ -175,7 +176,7 @@ fn columns<'a>(loaded: &'a Loaded) -> Vec<Column<'a>> {
 
 /// A head and a row for each sample; numbers keep their bits when read back.
 fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
-    let columns = columns(loaded);
+    let columns = columns(loaded, run);
     let mut rows: Vec<Vec<String>> = vec![columns.iter().map(|(name, _)| name.clone()).collect()];
     let cells = |sample| columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
     rows.extend(run.samples.iter().map(cells));
@@ -193,12 +194,12 @@ fn words(kind: &EventKind) -> String {
         EventKind::NotSwitched { to, why } => {
             format!("the independents {} would be better, but {why}", to.join(", "))
         }
-        EventKind::Shortened { status } => format!("a step was shortened: {status} on its way"),
-        EventKind::NearSingular { distance } => {
+        EventKind::Shortened(status) => format!("a step was shortened: {status} on its way"),
+        EventKind::NearSingular(distance) => {
             format!("ended near a singularity (distance {distance:.2e})")
         }
-        EventKind::Limited { name } => format!("{name} gives what its limits allow"),
-        EventKind::Stopped { name } => format!("{name} came to its stop"),
+        EventKind::Limited(name) => format!("{name} gives what its limits allow"),
+        EventKind::Stopped(name) => format!("{name} came to its stop"),
         EventKind::Stiff => "stiff for an explicit method; radau5 takes longer steps".to_owned(),
         other => format!("{other:?}"),
     }

@@ -16,13 +16,17 @@ pub(super) fn page(report: &Report<'_>, setup: &Setup<'_>, settings: &Settings) 
     let Report { loaded, run, .. } = report;
     let samples: Vec<&Sample> =
         sparse(run.samples.len(), POINTS).into_iter().filter_map(|k| run.samples.get(k)).collect();
-    let states = States::new(loaded, setup, &samples);
+    let is_sprung = !setup.springs.is_empty() || !run.elastic.is_empty();
+    let states = States::new(loaded, (!is_sprung).then_some(setup), &samples);
     let mut texts: Vec<String> = report.summary(&[]).lines().map(str::to_owned).collect();
     if let Some(first) = samples.first() {
         texts.push(format!("start y = {:?}, yd = {:?}", first.y, first.yd));
     }
-    if !setup.springs.is_empty() {
-        texts.push("loop and motor forces are not drawn beside springs between links".to_owned());
+    if is_sprung {
+        texts.push(
+            "loop and motor forces are not drawn beside springs between links or in actuators"
+                .to_owned(),
+        );
     }
     let page = Motion {
         samples: run.samples.len(),
@@ -46,15 +50,15 @@ struct States {
 impl States {
     /// Loop forces of the motion under its inputs; then the forces of the motors that give the same
     /// motion.
-    fn new(loaded: &Loaded, setup: &Setup<'_>, samples: &[&Sample]) -> States {
+    fn new(loaded: &Loaded, setup: Option<&Setup<'_>>, samples: &[&Sample]) -> States {
         use Field::{Lambda, QGuess, QdGuess, SigmaMin, TauQ, TauU, U, Y, Yd, Ydd};
         let model = &loaded.compiled.model;
         let has_loops = model.sizes().n_c > 0;
         let state = FieldSet::of(if has_loops { &[Y, Yd, QGuess, QdGuess] } else { &[Y, Yd] });
         let loops = FieldSet::of(if has_loops { &[Lambda, SigmaMin] } else { &[] });
         let mut states = States { dynamics: None, motors: None, plans: [None, None] };
-        let forces = setup.forces(samples.iter().copied()).ok();
-        let Some(forces) = forces.filter(|_| setup.springs.is_empty()) else { return states };
+        let forces = setup.and_then(|setup| setup.forces(samples.iter().copied()).ok());
+        let Some(forces) = forces else { return states };
         let run = |query: &Query, extra: Field, rows: &[Vec<f64>]| {
             let plan = Plan::new(model, query).ok()?;
             let mut workspace = Workspace::for_plans(model, [&plan]);

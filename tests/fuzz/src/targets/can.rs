@@ -187,7 +187,7 @@ fn read(yaml: &[u8], dbc: &str) -> Result<Configuration, Report> {
     let robot = |source: &Source| -> Result<Loaded, LoadError> {
         match source {
             Source::Bundled(_) => load(source, &Options::default()),
-            _ => Err(LoadError::Open { file: "robot.urdf".into(), reason: "absent".into() }),
+            _ => Err(LoadError::Open("robot.urdf".into(), "absent".into())),
         }
     };
     let file = |name: &str| match name {

@@ -23,6 +23,7 @@ use sarrus_can_core::config::{Commissioning, Configuration, Limits};
 use sarrus_can_run::{Settings, prepare, stderr, write_whole};
 
 use crate::check::table;
+use crate::failed;
 use model::Model;
 use session::{Motor, Session, Trial};
 
@@ -43,6 +44,8 @@ const UNJUDGED_HELP: &str = "effort not judged: the model needs less than may di
 /// Stands below the table of a robot that has no actuator beyond its degrees of freedom.
 const BLIND: &str = "pose: no more actuators than degrees of freedom, so a wrong zero or gear \
     shows in the effort alone\n";
+
+const HEAD: &str = "actuator | way | followed | effort | model | allowed | pose | result";
 
 type Tried = (Vec<Vec<String>>, bool, bool);
 
@@ -69,8 +72,8 @@ impl Commission {
     pub(crate) fn run(&self) -> Result<ExitCode, ExitCode> {
         let is_sound = |number: f64, most: f64| number > 0.0 && number <= most;
         if !is_sound(self.part, 0.5) || !is_sound(self.seconds, 60.0) {
-            eprintln!("sarrus-can commission: `--part` is at most 0.5, `--seconds` at most 60");
-            return Err(ExitCode::from(2));
+            let bounds = "`--part` is at most 0.5, `--seconds` at most 60";
+            return Err(failed("commission", bounds));
         }
         let configuration = crate::configuration(&self.config)?;
         if !self.yes && !confirmed(&configuration) {
@@ -86,7 +89,7 @@ impl Commission {
         match tried {
             Ok((rows, is_good, is_blind)) => {
                 let mut text = String::new();
-                table(&mut text, &rows);
+                table(&mut text, HEAD, &rows);
                 if is_blind {
                     text += BLIND;
                 }
@@ -99,17 +102,13 @@ impl Commission {
                 }
                 // the table as comments, then the lines that must fit
                 let table: String = text.lines().map(|line| format!("# {line}\n")).collect();
-                write_whole(&path, &(table + &record)).map_err(|error| {
-                    eprintln!("sarrus-can commission: {}: {error}", path.display());
-                    ExitCode::from(2)
-                })?;
-                println!("{}", path.display());
+                let shown = path.display();
+                write_whole(&path, &(table + &record))
+                    .map_err(|error| failed("commission", format_args!("{shown}: {error}")))?;
+                println!("{shown}");
                 Ok(ExitCode::SUCCESS)
             }
-            Err(error) => {
-                eprintln!("sarrus-can commission: {error}");
-                Ok(ExitCode::from(2))
-            }
+            Err(error) => Err(failed("commission", error)),
         }
     }
 
@@ -140,8 +139,7 @@ impl Commission {
         session.disarm();
         running.end()?;
 
-        let head = ["actuator", "way", "followed", "effort", "model", "allowed", "pose", "result"];
-        let mut rows = vec![head.map(String::from).to_vec()];
+        let mut rows = Vec::new();
         let mut is_good = true;
         for (place, (motor, trial)) in motors.iter().zip(&trials).enumerate() {
             let finding = match trial {

@@ -11,14 +11,9 @@ use super::configuration::{Configuration, Surroundings};
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigurationError {
-    /// Its file cannot be read.
-    #[error("cannot open {file}: {reason}; give the path of a readable file")]
-    Open {
-        /// The file as the user named it.
-        file: String,
-        /// The system's message.
-        reason: String,
-    },
+    /// Its file cannot be read: its name, the system's reason.
+    #[error("cannot open {0}: {1}; give the path of a readable file")]
+    Open(String, String),
     /// Its content is faulty: every fault, and the warnings.
     #[error("{0}")]
     Faults(Report),
@@ -31,10 +26,8 @@ impl Configuration {
     /// A file that cannot be opened, or every fault of its content.
     pub fn load(path: &Path) -> Result<Configuration, ConfigurationError> {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|error| ConfigurationError::Open {
-            file: name.clone(),
-            reason: error.to_string(),
-        })?;
+        let bytes = std::fs::read(path)
+            .map_err(|error| ConfigurationError::Open(name.clone(), error.to_string()))?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         let file = |name: &str| {
             std::fs::read(folder.join(name)).map(text).map_err(|error| error.to_string())

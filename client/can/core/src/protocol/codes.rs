@@ -120,7 +120,7 @@ impl Codes {
 
     /// Ends of the ranges of position, velocity and torque.
     pub(super) fn ranges(&self) -> [f64; 3] {
-        [self.position, self.velocity, self.torque].map(Scale::end)
+        [self.position, self.velocity, self.torque].map(|scale| scale.high)
     }
 
     /// Stiffness and damping at the ends of their ranges.
@@ -131,11 +131,11 @@ impl Codes {
     /// One step of each.
     pub(super) fn steps(&self) -> Setpoint {
         Setpoint {
-            position: self.position.step(),
-            velocity: self.velocity.step(),
-            torque: self.torque.step(),
-            stiffness: self.stiffness.step(),
-            damping: self.damping.step(),
+            position: self.position.step,
+            velocity: self.velocity.step,
+            torque: self.torque.step,
+            stiffness: self.stiffness.step,
+            damping: self.damping.step,
         }
     }
 }

@@ -52,7 +52,8 @@ pub(super) enum Action {
 /// The way of one motor to power.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PowerUp {
-    stage: Stage,
+    /// How far it is.
+    pub(super) stage: Stage,
     /// The stage after `Off`.
     first: Stage,
     n_idle: u64,
@@ -67,11 +68,6 @@ impl PowerUp {
     /// For motors that a set-point gives power.
     pub(super) fn at_once() -> PowerUp {
         PowerUp { first: Stage::Asked(0), ..PowerUp::primed() }
-    }
-
-    /// How far it is.
-    pub(super) fn stage(&self) -> Stage {
-        self.stage
     }
 
     /// On the way to power.
@@ -225,22 +221,22 @@ mod tests {
     fn a_motor_without_a_word_of_its_power_counts_replies() {
         let mut power_up = PowerUp::primed();
         power_up.count_reply(2);
-        assert_eq!(power_up.stage(), Stage::Off);
+        assert_eq!(power_up.stage, Stage::Off);
         power_up.action(ON, true);
         power_up.action(ON, true);
         power_up.count_reply(2);
-        assert_eq!(power_up.stage(), Stage::Asked(1));
+        assert_eq!(power_up.stage, Stage::Asked(1));
         power_up.count_reply(2);
-        assert_eq!(power_up.stage(), Stage::On);
+        assert_eq!(power_up.stage, Stage::On);
     }
 
     #[test]
     fn nothing_is_lost_that_was_never_asked_for() {
         let mut power_up = PowerUp::primed();
         power_up.lose();
-        assert_eq!(power_up.stage(), Stage::Off);
+        assert_eq!(power_up.stage, Stage::Off);
         power_up.action(ON, true);
         power_up.lose();
-        assert_eq!(power_up.stage(), Stage::Lost);
+        assert_eq!(power_up.stage, Stage::Lost);
     }
 }

@@ -4,12 +4,13 @@
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     low: f64,
-    high: f64,
+    /// The upper end.
+    pub(super) high: f64,
     range: f64,
     /// The last code.
     most: f64,
     /// The value of one step.
-    step: f64,
+    pub(super) step: f64,
 }
 
 impl Scale {
@@ -27,11 +28,6 @@ impl Scale {
         let range = high - low;
         let most = ((1_u32 << bits) - 1) as f64;
         Scale { low, high, range, most, step: range / most }
-    }
-
-    /// The upper end.
-    pub(super) const fn end(self) -> f64 {
-        self.high
     }
 
     /// The nearest code; values beyond an end get its code, and NaN gets that of zero. `odd`
@@ -82,11 +78,6 @@ impl Scale {
     pub(super) fn value_at(self, code: i64) -> f64 {
         code as f64 / self.most * self.range + self.low
     }
-
-    /// The value of one step.
-    pub(super) fn step(self) -> f64 {
-        self.step
-    }
 }
 
 #[cfg(test)]
@@ -103,7 +94,7 @@ mod tests {
             ] {
                 for code in 0..=u16::MAX >> (16 - bits) {
                     assert_eq!(scale.code(scale.value(code), false), code);
-                    assert_eq!(scale.code(scale.value(code) + 0.49 * scale.step(), true), code);
+                    assert_eq!(scale.code(scale.value(code) + 0.49 * scale.step, true), code);
                 }
             }
         }
@@ -112,12 +103,12 @@ mod tests {
     #[test]
     fn towards_zero_no_code_is_larger_than_its_value() {
         let scale = Scale::around_zero(18.0, 12);
-        let half = 0.5 * scale.step();
+        let half = 0.5 * scale.step;
         for n in 0..20_000 {
             let value = -18.0 + 36.0 * f64::from(n) / 19_999.0;
             let sent = scale.toward_zero(value, n % 2 == 0).1;
             assert!(sent.abs() <= value.abs() + 1e-8 || value.abs() < half, "{value} {sent}");
-            assert!((sent - value).abs() <= scale.step() * (1.0 + 1e-6), "{value} {sent}");
+            assert!((sent - value).abs() <= scale.step * (1.0 + 1e-6), "{value} {sent}");
         }
         for code in 0..=4095 {
             assert_eq!(scale.toward_zero(scale.value(code), true).0, code, "a code's own value");

@@ -33,7 +33,7 @@ impl System {
             mode.name()
         );
         let file = |_: &str| Ok(DBC_FILE.to_owned());
-        let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
+        let robot = |_: &_| Err(LoadError::Open("robot".into(), "absent".into()));
         let surroundings = Surroundings { file: &file, robot: &robot };
         let config = Configuration::read("stop.yml", text.into_bytes(), &surroundings)
             .unwrap_or_else(|report| panic!("{report}"));
@@ -202,7 +202,7 @@ fn a_stop_that_a_protocol_or_a_robot_cannot_do_is_refused() {
              offset: 0\n  limits: {{position: [-100, 100], velocity: 50, effort: 5}}\n  \
              watchdog_ms: 100\n"
         );
-        let robot = |_: &_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() });
+        let robot = |_: &_| Err(LoadError::Open("robot".into(), "absent".into()));
         let surroundings = Surroundings { file: &|_| Err("absent".into()), robot: &robot };
         match Configuration::read("stop.yml", text.into_bytes(), &surroundings) {
             Ok(config) => format!("{:?}", config.stops[0]),

@@ -282,7 +282,7 @@ fn read(text: String, record: Option<&str>) -> Result<Configuration, String> {
         file: &|_| record.map(str::to_owned).ok_or_else(|| "absent".to_owned()),
         robot: &|source| match source {
             sarrus_models::Source::Bundled(name) => robots::loaded(name),
-            _ => Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+            _ => Err(LoadError::Open("robot".into(), "absent".into())),
         },
     };
     Configuration::read("bench.yml", text.into_bytes(), &surroundings)

@@ -344,7 +344,7 @@ impl World {
     pub(crate) fn read_beside(text: String, file: &str) -> World {
         let surroundings = Surroundings {
             file: &|_| Ok(file.into()),
-            robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+            robot: &|_| Err(LoadError::Open("robot".into(), "absent".into())),
         };
         let read = Configuration::read("bench.yml", text.into_bytes(), &surroundings);
         World::new(read.unwrap_or_else(|report| panic!("{report}")), 1)

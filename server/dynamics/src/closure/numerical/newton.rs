@@ -21,8 +21,8 @@
 //! m is the distance that the independents have moved, α the least angle between a column of A at
 //! the start and the span of the others: the search for a pose stays well within the distance to
 //! the nearest singular pose. An attempt from the zero pose satisfies the rule of the trust region
-//! for m also with the α of that pose (`Numerical::is_far`). Where the rows see a small part of a joint's lever, its column counts
-//! as long as the lever: a motion turns the rest of it into sight.
+//! for m also with the α of that pose (`Numerical::is_far`). Where the rows see a small part of a
+//! joint's lever, its column counts as long as the lever: a motion turns the rest of it into sight.
 //!
 //! Chord rule: after s_{k−1} < ε^(3/8) the inverse of step k − 1 serves again, as the error then is
 //! the cube of that step. In blocks of more than eight rows, whose inverse costs more than several

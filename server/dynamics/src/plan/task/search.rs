@@ -443,7 +443,7 @@ impl Way<'_> {
             let sigma_min = if self.clearance > 0.0 { self.sigma_min(ws).1 } else { f64::NAN };
             self.write_binding(&ws.q, search, sigma_min, &mut output[range]);
         }
-        let mut warnings = plan.limits(ws);
+        let mut warnings = plan.limits(self.model, ws);
         if report.open > plan.query.loop_tolerance.bound() {
             warnings |= Warnings::LOOP_OPEN;
         }

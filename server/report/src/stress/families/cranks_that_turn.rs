@@ -11,7 +11,7 @@ use crate::Outcome;
 use crate::robots::random::Random;
 use crate::stress::families::change_points::Bars;
 use crate::stress::harness::{
-    At, Cases, Question, Reference, State, Turn, cut, finish, joint, mechanism,
+    At, Cases, Question, Reference, Slide, State, Turn, cut, finish, joint, mechanism,
 };
 use crate::stress::mechanisms::BASE;
 use crate::stress::mechanisms::approach::followed;
@@ -101,6 +101,22 @@ pub(crate) fn in_two_directions(cases: &mut Cases, seed: u64) -> Outcome {
     let Ok(of) = finish(of, &[first], &[first]) else { return Ok(()) };
     let size = random.scale(0.05, 0.7);
     arrive(cases, &format!("two rows in space, seed {seed}"), of, size, &mut random)
+}
+
+/// A slide drives two slides and a turn in space: poses where two assemblies come near are close to
+/// the way from zero.
+pub(crate) fn slides_in_space(cases: &mut Cases, seed: u64) -> Outcome {
+    let mut random = Random(8 << 32 | seed);
+    let mut of = mechanism(Kind::Numerical);
+    let mut axis = || [(); 3].map(|()| random.between(-1.0, 1.0));
+    let lone = joint(&mut of, BASE, Slide, [0.0; 3], axis());
+    let arm = joint(&mut of, BASE, Turn, [0.0; 3], axis());
+    let carried = joint(&mut of, arm, Slide, axis(), axis());
+    let driver = joint(&mut of, carried, Slide, [0.0; 3], axis());
+    cut(&mut of, lone, driver, axis(), "xyz");
+    let Ok(of) = finish(of, &[driver], &[driver]) else { return Ok(()) };
+    let size = random.scale(0.05, 0.7);
+    arrive(cases, &format!("slides in space, seed {seed}"), of, size, &mut random)
 }
 
 /// Poses that small steps from zero reach are reached in one.

@@ -41,7 +41,7 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
         let answer = ask.run(&robot.compiled.model)?;
         let q: Vec<_> = names.iter().cloned().zip(answer.get(Field::Q).iter().copied()).collect();
         let ok = answer.status() == Status::Ok;
-        let open = if ok { open_by(&robot.description, &q, robot.length()) } else { None };
+        let open = if ok { open_by(&robot.description, &q, robot.length) } else { None };
         let assessment = match open {
             None if ok || !answer.is_empty() => Assessment::FailedSilently,
             None => Assessment::Failed,

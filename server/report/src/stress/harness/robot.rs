@@ -17,7 +17,7 @@ pub(crate) struct Robot {
     pub(crate) description: Description,
     pub(crate) compiled: Compiled,
     /// A length that is typical of it `[m]`: lengths are compared with angles in it.
-    length: f64,
+    pub(crate) length: f64,
     /// Names of the joints that slide.
     slides: HashSet<String>,
 }
@@ -46,11 +46,6 @@ impl Robot {
             length: if length > 0.0 { length } else { 1.0 },
             slides,
         })
-    }
-
-    /// A length that is typical of it `[m]`.
-    pub(crate) fn length(&self) -> f64 {
-        self.length
     }
 
     /// Its default method of forward dynamics.

@@ -140,10 +140,10 @@ mod tests {
             assert_eq!(answer.status(), Status::Ok);
             let names = robot.compiled.model.tree_q_names().iter().cloned();
             let mut q: Vec<_> = names.zip(answer.get(Field::Q).iter().copied()).collect();
-            let Some(open) = open_by(&robot.description, &q, robot.length()) else { continue };
+            let Some(open) = open_by(&robot.description, &q, robot.length) else { continue };
             assert!(open < 1e-14, "{open}");
             q[1].1 += 1e-3;
-            let open = open_by(&robot.description, &q, robot.length()).expect("revolute joints");
+            let open = open_by(&robot.description, &q, robot.length).expect("revolute joints");
             assert!(open > 1e-4, "{open}");
         }
     }

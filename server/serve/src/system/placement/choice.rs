@@ -71,7 +71,7 @@ pub(super) fn choose(
         return Err(PlacementError::Deadline);
     }
     if let Some(priority) = flags.priority.filter(|priority| !(1..=99).contains(priority)) {
-        return Err(PlacementError::PriorityRange { priority });
+        return Err(PlacementError::PriorityRange(priority));
     }
     let elsewhere: Vec<usize> =
         allowed.iter().copied().filter(|cpu| Some(*cpu) != flags.cpu).collect();
@@ -164,7 +164,7 @@ mod tests {
         let outcome = |policy, priority| choose(&[0, 1], policy, flags(None, priority, false));
         for priority in [0, 100, 255] {
             let refused = outcome(Policy::Shared, Some(priority));
-            assert_eq!(refused, Err(PlacementError::PriorityRange { priority }));
+            assert_eq!(refused, Err(PlacementError::PriorityRange(priority)));
         }
         assert_eq!(outcome(Policy::Deadline, None), Err(PlacementError::Deadline));
     }

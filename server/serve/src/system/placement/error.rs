@@ -25,11 +25,8 @@ pub enum PlacementError {
     )]
     Deadline,
     /// No such priority.
-    #[error("priority {priority}, expected 1 to 99; choose another one with --priority")]
-    PriorityRange {
-        /// The requested value.
-        priority: u8,
-    },
+    #[error("priority {0}, expected 1 to 99; choose another one with --priority")]
+    PriorityRange(u8),
     /// The processor does not exist or is not allowed for this process.
     #[error(
         "processor {cpu} cannot be had: {reason}; this process was started on {allowed}: choose \
@@ -43,46 +40,27 @@ pub enum PlacementError {
         /// The processors that the process was started on.
         allowed: String,
     },
-    /// The other threads cannot be moved away.
-    #[error("the threads beside the answering one cannot be moved to other processors: {reason}")]
-    Others {
-        /// The error of the system.
-        reason: String,
-    },
-    /// The right to a real-time priority is missing.
+    /// The other threads cannot be moved away, for this reason.
+    #[error("the threads beside the answering one cannot be moved to other processors: {0}")]
+    Others(String),
+    /// The right to a real-time priority is missing: the priority, RLIMIT_RTPRIO.
     #[error(
-        "priority {priority} under SCHED_FIFO is not permitted: RLIMIT_RTPRIO is {limit} and \
-         there is no CAP_SYS_NICE; `ulimit -r {priority}`, or LimitRTPRIO={priority} in the unit, \
+        "priority {0} under SCHED_FIFO is not permitted: RLIMIT_RTPRIO is {1} and \
+         there is no CAP_SYS_NICE; `ulimit -r {0}`, or LimitRTPRIO={0} in the unit, \
          or leave out --priority"
     )]
-    PriorityNotPermitted {
-        /// The requested value.
-        priority: u8,
-        /// RLIMIT_RTPRIO.
-        limit: u64,
-    },
-    /// The priority cannot be set for another reason.
-    #[error("priority {priority} under SCHED_FIFO is refused: {reason}")]
-    Priority {
-        /// The requested value.
-        priority: u8,
-        /// The error of the system.
-        reason: String,
-    },
-    /// The right to lock memory is missing.
+    PriorityNotPermitted(u8, u64),
+    /// The priority cannot be set for another reason: the priority, the reason.
+    #[error("priority {0} under SCHED_FIFO is refused: {1}")]
+    Priority(u8, String),
+    /// The right to lock memory is missing; RLIMIT_MEMLOCK `[byte]`.
     #[error(
-        "memory cannot be locked: RLIMIT_MEMLOCK is {limit} bytes, expected unlimited, or \
+        "memory cannot be locked: RLIMIT_MEMLOCK is {0} bytes, expected unlimited, or \
          CAP_IPC_LOCK: under a limit lanes that come later could not be mapped; `ulimit -l \
          unlimited`, or LimitMEMLOCK=infinity in the unit, or leave out --lock-memory"
     )]
-    MemoryNotPermitted {
-        /// RLIMIT_MEMLOCK, bytes.
-        limit: u64,
-    },
-    /// Memory cannot be locked for another reason.
-    #[error("memory cannot be locked: {reason}; leave out --lock-memory or free memory")]
-    Memory {
-        /// The error of the system.
-        reason: String,
-    },
+    MemoryNotPermitted(u64),
+    /// Memory cannot be locked for another reason, this one.
+    #[error("memory cannot be locked: {0}; leave out --lock-memory or free memory")]
+    Memory(String),
 }

@@ -43,11 +43,11 @@ impl Placement {
         if let (Some(priority), Some(limit)) = (flags.priority, limit)
             && limit < priority.into()
         {
-            return Err(PlacementError::PriorityNotPermitted { priority, limit });
+            return Err(PlacementError::PriorityNotPermitted(priority, limit));
         }
         let limit = limit_of(Resource::Memlock, CapabilitySet::IPC_LOCK);
         if let Some(limit) = limit.filter(|_| flags.lock_memory) {
-            return Err(PlacementError::MemoryNotPermitted { limit });
+            return Err(PlacementError::MemoryNotPermitted(limit));
         }
         Ok(Placement { choice, allowed: allowed.into(), lock_memory: flags.lock_memory })
     }
@@ -58,7 +58,7 @@ impl Placement {
     pub(crate) fn lock_memory(&self) -> Result<LockedMemory, PlacementError> {
         if self.lock_memory {
             mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
-                .map_err(|error| PlacementError::Memory { reason: error.to_string() })?;
+                .map_err(|error| PlacementError::Memory(error.to_string()))?;
         }
         Ok(LockedMemory(self.lock_memory))
     }
@@ -78,7 +78,7 @@ impl Placement {
     /// Makes the calling thread one of the others. Drops an inherited real-time policy after the
     /// answering thread has taken it over.
     pub(crate) fn place_other(&self) -> Result<(), PlacementError> {
-        let failed = |reason| PlacementError::Others { reason };
+        let failed = |reason| PlacementError::Others(reason);
         if let Some(others) = &self.choice.others {
             move_to(others).map_err(|error| failed(error.to_string()))?;
         }
@@ -127,14 +127,14 @@ fn move_to(processors: &[usize]) -> io::Result<()> {
 fn be_first(priority: u8) -> Result<(), PlacementError> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority)
-        .map_err(|_| PlacementError::PriorityRange { priority })?;
+        .map_err(|_| PlacementError::PriorityRange(priority))?;
     let value = ThreadPriority::Crossplatform(value);
     set_thread_priority_and_policy(thread_native_id(), value, policy).map_err(|error| {
         let reason = match error {
             Error::OS(code) => io::Error::from_raw_os_error(code).to_string(),
             error => error.to_string(),
         };
-        PlacementError::Priority { priority, reason }
+        PlacementError::Priority(priority, reason)
     })
 }
 

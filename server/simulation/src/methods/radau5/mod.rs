@@ -32,6 +32,7 @@ const SAME: f64 = 1.2;
 const MOST_FAILURES: u32 = 40;
 
 /// The method between steps.
+#[derive(Default)]
 pub(crate) struct Radau {
     /// Tolerances as the estimate of order three wants them for an error of order five.
     rtol: f64,
@@ -80,17 +81,7 @@ impl Radau {
             atol: atol * tolerance / rtol,
             newton,
             step: first,
-            jacobian: Vec::new(),
-            fresh: false,
-            good: false,
-            factors: None,
-            z: Default::default(),
-            w: Default::default(),
-            f: Default::default(),
-            at: Vec::new(),
-            last: None,
-            rejected: false,
-            failures: 0,
+            ..Radau::default()
         }
     }
 

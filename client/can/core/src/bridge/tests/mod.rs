@@ -395,7 +395,7 @@ fn frames_of_strangers_and_malformed_ones_are_counted_and_not_used() {
 fn a_configuration_without_anything_is_told_what_it_lacks() {
     let surroundings = Surroundings {
         file: &|_| Err("absent".into()),
-        robot: &|_| Err(LoadError::Open { file: "robot".into(), reason: "absent".into() }),
+        robot: &|_| Err(LoadError::Open("robot".into(), "absent".into())),
     };
     let report = Configuration::read("empty.yml", b"{}".to_vec(), &surroundings).unwrap_err();
     let given: Vec<String> = report.errors.iter().map(|error| error.found.clone()).collect();

@@ -148,7 +148,7 @@ impl Cia402 {
     }
 
     fn lose(&mut self) {
-        self.emergency_holds |= self.power_up.stage() == Stage::On;
+        self.emergency_holds |= self.power_up.stage == Stage::On;
         self.power_up.lose();
     }
 
@@ -168,7 +168,7 @@ impl Cia402 {
         let state = State::of(status);
         self.state = Some(state);
         self.emergency_holds |= self.power_up.report(state == State::Enabled);
-        let follows = self.power_up.stage() == Stage::On || self.emergency_holds;
+        let follows = self.power_up.stage == Stage::On || self.emergency_holds;
         if state != State::Faulty && self.emergency != 0 && !follows {
             // reported by EMCY and gone without one
             self.emergency = 0;

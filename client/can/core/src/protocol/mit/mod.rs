@@ -194,7 +194,7 @@ impl Mit {
                 self.motor_fault =
                     self.question.map_or(u32::from(error), |question| question.fault);
                 self.power_up.count_reply(REPLIES_TO_POWER);
-                let is_on = self.power_up.stage() == Stage::On;
+                let is_on = self.power_up.stage == Stage::On;
                 self.power = if is_on { Power::On } else { Power::Off };
             }
         }
@@ -204,7 +204,7 @@ impl Mit {
 impl Drive for Mit {
     fn cycle(&mut self, now_ns: u64, command: DriveCommand, out: &mut FrameQueue) {
         // a motor with power is not assessed again
-        let is_ready = self.power_up.stage() != Stage::Off || self.ready();
+        let is_ready = self.power_up.stage != Stage::Off || self.ready();
         if let Some(question) = &mut self.question {
             out.push_some(question.ask(now_ns));
         }

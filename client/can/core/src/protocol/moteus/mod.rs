@@ -290,7 +290,7 @@ impl Drive for Moteus {
     }
 
     fn state(&self) -> DriveState {
-        let power = match (self.servo_mode, self.power_up.stage()) {
+        let power = match (self.servo_mode, self.power_up.stage) {
             (None, _) => Power::Unknown,
             (Some(FOLLOWS), _) => Power::On,
             (Some(STOPPED), Stage::Asked(_)) | (Some(2..=4), _) => Power::Starting,

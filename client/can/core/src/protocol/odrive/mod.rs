@@ -237,7 +237,8 @@ impl ODrive {
         self.axis_state = Some(state);
         self.heard_ns = now_ns;
         let is_on = u32::from(state) == CLOSED_LOOP;
-        match self.power_up.stage() {
+        let stage = self.power_up.stage;
+        match stage {
             // the request was lost, or the heartbeat is older than it
             Stage::Asked(_) if !is_on && errors == 0 => self.power_up.ask_again(),
             Stage::Asked(_) if !is_on => self.power_up.lose(),
@@ -344,7 +345,7 @@ impl Drive for ODrive {
     }
 
     fn state(&self) -> DriveState {
-        let power = match (self.axis_state.map(u32::from), self.power_up.stage()) {
+        let power = match (self.axis_state.map(u32::from), self.power_up.stage) {
             (None, _) => Power::Unknown,
             // a heartbeat from before the request is no evidence
             (Some(CLOSED_LOOP), Stage::Off | Stage::On | Stage::Lost) => Power::On,
