@@ -51,6 +51,7 @@ mod safeguards;
 mod scaling;
 mod seeds;
 mod simulation;
+mod springs;
 mod targets;
 mod tasks;
 mod timing;

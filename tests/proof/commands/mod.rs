@@ -14,6 +14,7 @@ mod report;
 mod served;
 mod simulate;
 mod streams;
+mod tasks;
 mod vectors;
 
 use std::io::Write;
