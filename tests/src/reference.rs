@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
 /// The bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 21] = [
+pub const ROBOTS: [&str; 20] = [
     "lambda",
     "parallelogram",
     "torso",
@@ -26,7 +26,6 @@ pub const ROBOTS: [&str; 21] = [
     "jansen",
     "three_rrr",
     "gripper",
-    "agile_eye",
     "wheel_leg",
     "cassie_leg",
 ];
