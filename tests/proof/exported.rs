@@ -47,7 +47,8 @@ fn agree(target: Target, engine: &str, ending: &str, solver: f64) {
                 println!("{name}: {rows:?}");
                 // joints without mass follow others there; 2e-15 kg are no mass for a soft coupling
                 let is_file = matches!(source, Source::Files { .. });
-                let is_light = engine == "MuJoCo" && is_file && ["gripper", "rules"].contains(&name);
+                let is_light =
+                    engine == "MuJoCo" && is_file && ["gripper", "rules"].contains(&name);
                 for row in &rows {
                     let most = match row.quantity.as_str() {
                         "accelerations" if is_light => f64::INFINITY,
