@@ -136,8 +136,8 @@ impl Oracle<'_> {
                 return None;
             }
             self.advance(q, &by);
-            // the last step doubles the digits; at the rounding of the given numbers, where rows that
-            // are redundant disagree, no step is smaller than the one before
+            // the last step doubles the digits; at the rounding of the given numbers, where
+            // redundant rows disagree, no step is smaller than the one before
             if size < T::EPSILON.sqrt() * 0.1 || size < 1e3 * f64::EPSILON && size >= before {
                 let phi = self.rows(q, &self.poses(q), &still, &still)[0].clone();
                 let open = phi.iter().zip(&self.rows).fold(0.0, |open: f64, (x, row)| {
