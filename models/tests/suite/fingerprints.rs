@@ -28,7 +28,7 @@ const FINGERPRINTS: [(&str, u64); 24] = [
     ("bennett", 0x0160_11e7_3db9_2dc1),
     ("wheel_leg", 0x4b64_72f8_39c5_f6d2),
     ("delta_balls", 0x2e7d_1de6_9476_27b9),
-    ("cassie_leg", 0xc5f2_c542_455d_6a03),
+    ("cassie_leg", 0x3f6d_8c3b_df10_df43),
 ];
 
 #[test]
