@@ -210,7 +210,7 @@ fields! {
         "stiffness and damping of each actuator, τ_u = K (u* − u) − D u̇";
     /// Vertices of the set of forces G_uᵀ τ_u that the actuators can give, over the wanted
     /// independents with the others free; with two of them in their order around it
-    /// ([`most_vertices`] × n_vy).
+    /// ([`crate::most_vertices`] × n_vy).
     TorqueVertices = 66, "torque_vertices", "n_vertices × n_vy", "N, N m",
         "vertices of the set of τ_y = G_uᵀ τ_u within the actuators' limits; missing rows are NaN";
     /// The largest dᵀ G_uᵀ τ_u of each given direction d (n_directions).
@@ -224,7 +224,7 @@ fields! {
         "`torque_support` − dᵀ (C_y − Gᵀ Σ Jᵀ w)";
     /// Vertices of the set of velocities ẏ that the speed limits of the actuators leave, over
     /// the wanted independents with the others free, where mechanisms have no more actuators
-    /// than freedoms ([`most_vertices`] × n_vy).
+    /// than freedoms ([`crate::most_vertices`] × n_vy).
     SpeedVertices = 70, "speed_vertices", "n_vertices × n_vy", "m/s, rad/s",
         "vertices of the set of ẏ within the actuators' speed limits; missing rows are NaN";
     /// Inertia of the rotors, G_uᵀ J G_u (n_vy × n_vy).
