@@ -96,6 +96,9 @@ fn smaller(model: &Model, large: &Query, seeded: &mut Seeded) -> (Query, Vec<usi
         |field: &Field| counted.contains(field) || !are_all && together.contains(field);
     let want = large.want.iter().filter(|field| !is_counted(field));
     let want: FieldSet = want.filter(|_| seeded.chance(share)).collect();
+    // forces are compared with their limits where they are wanted
+    let forces = |field: &Field| *field != Field::Limits || want.has(Field::TauU);
+    let want: FieldSet = want.iter().filter(forces).collect();
     let mut query = Query { want, n_frames: 0, ..*large }.with_frames(&links);
     if seeded.chance(0.7) {
         let joints: Vec<_> = model.info().joints().collect();
