@@ -1,4 +1,4 @@
-"""Jacobians of queries against central differences, and what has none."""
+"""Jacobians of queries against central differences, and fields that are refused."""
 
 import unittest
 

@@ -51,8 +51,8 @@ def function(
 
     def callback(host: Callable[..., Any], shapes: Any, inputs: Any, *more: Any) -> Any:
         lead = inputs[0].shape[: inputs[0].ndim - len(next(iter(sizes.values())))]
-        told = [jax.ShapeDtypeStruct((*lead, *shape), jax.numpy.float64) for shape in shapes]
-        return jax.pure_callback(host, told, inputs, *more, vmap_method="broadcast_all")
+        results = [jax.ShapeDtypeStruct((*lead, *shape), jax.numpy.float64) for shape in shapes]
+        return jax.pure_callback(host, results, inputs, *more, vmap_method="broadcast_all")
 
     def host(*inputs: Any) -> Any:
         return callback(lambda given: external(*given), external.outputs.values(), inputs)

@@ -53,20 +53,7 @@ impl Plan {
         for (u, row, effort) in &self.needed.efforts {
             each(*row, EFFORT, figure(ws.tau_u[*u], -effort, *effort), [-effort, *effort]);
         }
-        if !self.needed.curves.is_empty() {
-            self.each_curve(model, ws, moves, &mut each);
-        }
-    }
-
-    /// The limits over speed among them: the excess over each is compared with none.
-    #[inline(never)]
-    fn each_curve<T: Real>(
-        &self,
-        model: &Model<T>,
-        ws: &Workspace<T>,
-        moves: bool,
-        each: &mut dyn FnMut(Option<usize>, usize, f64, [f64; 2]),
-    ) {
+        // limits over speed: the excess over each is compared with none
         for (u, v, row) in &self.needed.curves {
             let speed = if moves { ws.qd[*v] } else { T::ZERO };
             let [lower, upper] = model.motors[*u].forces(speed);
