@@ -18,7 +18,7 @@ macro_rules! robots {
     };
 }
 
-static ROBOTS: [Bundled; 24] = robots! {
+static ROBOTS: [Bundled; 25] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
     "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators \
@@ -44,6 +44,7 @@ static ROBOTS: [Bundled; 24] = robots! {
     "three_rrr": "planar platform on three legs of two links (3-RRR)",
     "gripper": "gripper of two adaptive fingers on one motor, like Robotiq's 2F-85",
     "bennett": "Bennett's linkage of four hinges in space: overconstrained, one freedom",
+    "agile_eye": "agile eye: spherical 3-RRR with orthogonal axes",
     "wheel_leg": "body on two wheeled legs, each a five-bar with motors at hips and wheel",
     "delta_balls": "delta robot with ball joints at both ends of its rods, which may spin",
     "cassie_leg": "leg of Cassie: hips, springs, tarsus on the Achilles rod, four-bar at the foot",

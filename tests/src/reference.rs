@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
 /// The bundled robots with answers from an independent engine.
-pub const ROBOTS: [&str; 20] = [
+pub const ROBOTS: [&str; 21] = [
     "lambda",
     "parallelogram",
     "torso",
@@ -26,6 +26,7 @@ pub const ROBOTS: [&str; 20] = [
     "jansen",
     "three_rrr",
     "gripper",
+    "agile_eye",
     "wheel_leg",
     "cassie_leg",
 ];

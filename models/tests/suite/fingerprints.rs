@@ -4,7 +4,7 @@ use sarrus_models::bundled;
 
 use super::*;
 
-const FINGERPRINTS: [(&str, u64); 24] = [
+const FINGERPRINTS: [(&str, u64); 25] = [
     ("lambda", 0x95ec_5127_e53b_89b8),
     ("torso", 0x0a07_3552_f703_daeb),
     ("ankle", 0xaf02_04c9_1a56_4ed9),
@@ -26,6 +26,7 @@ const FINGERPRINTS: [(&str, u64); 24] = [
     ("three_rrr", 0x009f_3d5d_6840_db27),
     ("gripper", 0x2567_b6ce_9b63_d8c3),
     ("bennett", 0x0160_11e7_3db9_2dc1),
+    ("agile_eye", 0x0286_d12c_fbad_5ff6),
     ("wheel_leg", 0x4b64_72f8_39c5_f6d2),
     ("delta_balls", 0x2e7d_1de6_9476_27b9),
     ("cassie_leg", 0x3f6d_8c3b_df10_df43),

@@ -1,5 +1,5 @@
-//! Linkages with equations of their own: Jansen's leg, Bennett's linkage, and the delta robot whose
-//! rods may spin.
+//! Linkages with equations of their own: Jansen's leg, Bennett's linkage, the agile eye, and the
+//! delta robot whose rods may spin.
 
 use sarrus_tests::compare::assert_close;
 
@@ -71,6 +71,28 @@ fn bennetts_linkage_moves_by_its_own_equation() {
         let second = 2.0 * (3.0_f64.sqrt() / half.tan()).atan();
         let expected = [y, second - 4.0 * quarter / 3.0, -y];
         assert_close(&format!("the hinges at {y}"), &q, &expected, 1.0, 1e-13);
+    }
+}
+
+#[test]
+fn the_axes_of_the_agile_eye_stay_orthogonal() {
+    let mut robot = Robot::new(bundled("agile_eye").model);
+    // the axes of motors, elbows and eye of each leg at zero
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let legs = [[x, y, z], [y, z, x], [z, x, y]];
+    let inner = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    for k in 0..40 {
+        let k = f64::from(k);
+        let motors = [0.9 * k.sin(), 0.7 * (1.3 * k).cos(), 0.8 * (0.7 * k + 1.0).sin()];
+        let eye = pose(&mut robot, "eye", &motors);
+        assert_close("the centre", &eye[..3], &[0.0; 3], 1.0, 1e-13);
+        for ([motor, elbow, own], angle) in legs.into_iter().zip(motors) {
+            let across = cross(motor, elbow);
+            let turned: [f64; 3] =
+                core::array::from_fn(|i| angle.cos() * elbow[i] + angle.sin() * across[i]);
+            let held = inner(turned, point_of(&eye, own));
+            assert!(held.abs() < 1e-13, "{motors:?}: {held:.1e}");
+        }
     }
 }
 

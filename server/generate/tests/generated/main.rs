@@ -26,7 +26,7 @@ const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-
 const ROBOTS: [&str; 7] =
     ["lambda", "torso", "ankle", "parallelogram", "stewart", "r3_lambda_r", "rh5v2_upper_body"];
 /// The others: with closures by Newton's method, or a floating base.
-const OTHERS: [&str; 17] = [
+const OTHERS: [&str; 18] = [
     "wrist",
     "delta",
     "active_ankle",
@@ -41,6 +41,7 @@ const OTHERS: [&str; 17] = [
     "three_rrr",
     "gripper",
     "bennett",
+    "agile_eye",
     "wheel_leg",
     "delta_balls",
     "cassie_leg",

@@ -5,7 +5,9 @@ use nalgebra::Vector3;
 use crate::closure::Local;
 use crate::closure::constraint::rows::{CutState, place};
 use crate::closure::numerical::elimination::Elimination;
-use crate::closure::numerical::inverse::{ANY, Inverted, accurate, inverse_square_sines, invert};
+use crate::closure::numerical::inverse::{
+    ANY, Inverted, ROOTS, accurate, inverse_square_sines, invert,
+};
 use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Pose, zero};
@@ -175,7 +177,8 @@ impl Block {
             None => invert::<T, M>(A, inverse, self.volume, m),
         };
         let [near, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
-        Inverted { accurate: accurate(T::ONE, near), near, gain, ..inverted }
+        let sound = inverted.sound & (near * T::from_f64(ROOTS * ROOTS * T::EPSILON)).lt(T::ONE);
+        Inverted { sound, accurate: accurate(T::ONE, near), near, gain, ..inverted }
     }
 
     /// 1/sin²α of a narrow block, whose columns have these squares, for the trust region: each

@@ -7,9 +7,10 @@ use crate::scalar::Real;
 /// roundoffs.
 const SINGULAR: f64 = 1e-12;
 const PIVOT_ROUNDINGS: f64 = 9e3;
-/// Least determinant of a narrow block relative to the product of its column norms, in roots of the
-/// unit roundoff: closer to singularity a pose has no correct digit.
-const ROOTS: f64 = 10.0;
+/// Least sine of the angle that vanishes at a singular pose, in roots of the unit roundoff; of a
+/// narrow block the determinant relative to the product of its column norms. Closer to singularity a
+/// pose has no correct digit, and the signs of determinants do not tell crossing assemblies apart.
+pub(super) const ROOTS: f64 = 10.0;
 /// Least sine at which accelerations, whose error is ε / sin³, keep a digit: in cube roots of ε.
 const CUBE_ROOTS: f64 = 4.0;
 /// The width of a block as the compiler sees it: 1 to 3 are written out, `ANY` is read from the
