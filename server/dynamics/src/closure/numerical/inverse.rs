@@ -8,8 +8,8 @@ use crate::scalar::Real;
 const SINGULAR: f64 = 1e-12;
 const PIVOT_ROUNDINGS: f64 = 9e3;
 /// Least sine of the angle that vanishes at a singular pose, in roots of the unit roundoff; of a
-/// narrow block the determinant relative to the product of its column norms. Closer to singularity a
-/// pose has no correct digit, and the signs of determinants do not tell crossing assemblies apart.
+/// narrow block the determinant relative to the product of its column norms. Closer to singularity
+/// a pose has no correct digit, and signs of determinants do not tell crossing assemblies apart.
 pub(super) const ROOTS: f64 = 10.0;
 /// Least sine at which accelerations, whose error is ε / sin³, keep a digit: in cube roots of ε.
 const CUBE_ROOTS: f64 = 4.0;
