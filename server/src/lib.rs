@@ -144,6 +144,14 @@ enum Command {
     /// a motion that it cannot make, with 2 for wrong flags and tables.
     #[cfg(feature = "identify")]
     Identify(commands::identify::Identify),
+    /// Estimate geometry and offsets of encoders from redundant encoders.
+    ///
+    /// Prints the offsets and the numbers of the geometry (page `guide::parameters`) that the
+    /// encoders tell, with their standard errors, and names the others, which keep their values;
+    /// with `--out` it writes the robot with its new geometry, closed at zero. Ends with 0, with 1
+    /// for a bad robot and a log that it cannot make, with 2 for wrong flags and tables.
+    #[cfg(feature = "identify")]
+    Calibrate(commands::identify::Identify),
     /// Integrate a robot in time: a table, a page, and estimates of the error.
     ///
     /// From y and yd (or q and qd) under gravity, constant forces, a table of forces, gains and
@@ -207,6 +215,8 @@ pub fn run() -> ExitCode {
         Command::Capability(command) => conclude("capability", command.run()),
         #[cfg(feature = "identify")]
         Command::Identify(command) => conclude("identify", command.run()),
+        #[cfg(feature = "identify")]
+        Command::Calibrate(command) => conclude("calibrate", command.calibrate()),
         #[cfg(feature = "simulate")]
         Command::Simulate(command) => conclude("simulate", command.run()),
         #[cfg(feature = "simulate")]

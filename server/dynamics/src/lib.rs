@@ -70,7 +70,9 @@ pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId
 pub use compile::{SuggestedIndependents, fitting_types, loops_of, suggest_independents};
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
-pub use initial_pose::{AssembleError, Assembled, OpenModel, closing_placements, rezeroed};
+pub use initial_pose::{
+    AssembleError, Assembled, OpenModel, closing_placements, displaced, rezeroed,
+};
 pub use model::{Bound, ClosureAtZero, Compiled, Method, Model, Part};
 pub use plan::{
     Base, Batch, BatchWorkspace, CUT_SHORT, ClosedNumbers, MOST_ROWS, NewtonBlock, NewtonCluster,

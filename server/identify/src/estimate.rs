@@ -217,7 +217,7 @@ fn triangles(
     Ok(parts)
 }
 
-fn answered(status: Status, row: usize) -> Result<(), IdentifyError> {
+pub(crate) fn answered(status: Status, row: usize) -> Result<(), IdentifyError> {
     if status == Status::Ok { Ok(()) } else { Err(IdentifyError::Sample { row, status }) }
 }
 
@@ -269,7 +269,7 @@ fn excited_columns(all: &Triangle, n: usize) -> (Vec<usize>, f64) {
 }
 
 /// Least squares over these columns; the other parameters keep their values.
-fn solved(all: &Triangle, excited: &[usize], held: &[f64]) -> Vec<f64> {
+pub(crate) fn solved(all: &Triangle, excited: &[usize], held: &[f64]) -> Vec<f64> {
     let n = held.len();
     let mut values = held.to_vec();
     let m = excited.len();
@@ -287,7 +287,7 @@ fn solved(all: &Triangle, excited: &[usize], held: &[f64]) -> Vec<f64> {
 }
 
 /// 2-norm of the forces that these base parameters leave over.
-fn left_over(all: &Triangle, values: &[f64]) -> f64 {
+pub(crate) fn left_over(all: &Triangle, values: &[f64]) -> f64 {
     let n = values.len();
     all.R
         .chunks_exact(all.n)

@@ -1,18 +1,21 @@
-//! Masses, inertias and friction of a robot with closed loops from its motion and the forces of
-//! its actuators.
+//! Parameters of a robot with closed loops from measurements: masses, inertias and friction from
+//! its motion and the forces of its actuators, geometry from redundant encoders.
 //!
 //! [`base_parameters`] finds the combinations of parameters that any motion can tell;
-//! [`identify`] estimates them from a [`Log`], and the nearest physical links.
+//! [`identify`] estimates them from a [`Log`], and the nearest physical links. [`calibrate`]
+//! estimates offsets of encoders and the geometry that they tell.
 #![forbid(unsafe_code)]
 // the symbols of the equations
 #![allow(non_snake_case)]
 
+mod calibrate;
 mod dense;
 mod estimate;
 mod inertia;
 mod log;
 mod stack;
 
+pub use calibrate::{Calibrated, Calibration, calibrate};
 pub use estimate::{BaseEstimate, Estimate, LinkEstimate, Prediction, identify};
 pub use log::{Log, Sample};
 
@@ -35,7 +38,7 @@ pub enum IdentifyError {
         status: Status,
     },
     /// Fewer rows than parameters.
-    #[error("{rows} rows of forces for {parameters} parameters; record a longer motion")]
+    #[error("{rows} measured numbers for {parameters} parameters; record a longer motion")]
     Short {
         /// Numbers that were measured.
         rows: usize,
@@ -45,4 +48,13 @@ pub enum IdentifyError {
     /// A log whose columns are not the robot's.
     #[error("{0}")]
     Log(String),
+    /// No robot has the geometry that fits.
+    #[error("the geometry that fits is that of no robot: {0}")]
+    Geometry(String),
+}
+
+impl IdentifyError {
+    fn geometry(why: impl ToString) -> IdentifyError {
+        IdentifyError::Geometry(why.to_string())
+    }
 }

@@ -2,11 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails panics")]
 
-use sarrus_dynamics::description::{Description, Friction, JointKind, Terms};
+use sarrus_dynamics::description::{Description, Friction, JointKind, SubmechanismKind, Terms};
 use sarrus_dynamics::{
-    Field, FieldSet, Model, Plan, Query, QueryOptions, Request, Status, Workspace,
+    Field, FieldSet, Model, OpenModel, Plan, Query, QueryOptions, Request, Status, Workspace,
+    displaced, rezeroed,
 };
-use sarrus_identify::{Base, Estimate, Log, Sample, base_parameters, identify};
+use sarrus_identify::{Base, Estimate, Log, Sample, base_parameters, calibrate, identify};
 use sarrus_models::{Loaded, Options, Source, load};
 
 /// Random numbers.
@@ -226,4 +227,93 @@ fn what_a_motion_does_not_excite_is_named_and_stays() {
     let of = estimate.base.iter().find(|of| estimate.names[of.combination[0].0] == name).unwrap();
     assert!(of.standard_error.is_none() && of.value == of.model, "{of:?}");
     assert!(estimate.base.iter().filter(|of| of.standard_error.is_some()).count() > 10);
+}
+
+/// A robot with this geometry, and its coordinates at the zero pose of the other.
+fn displaced_robot(description: &Description, theta: &[f64]) -> (Model<f64>, Vec<f64>) {
+    let model = Model::compile(description).unwrap().model;
+    let mut moved = displaced(description, &model.info().geometry(), theta).unwrap();
+    for of in &mut moved.submechanisms {
+        (of.kind, of.closed_forms) = (SubmechanismKind::Numerical, false);
+    }
+    let open = OpenModel::compile(&moved).unwrap();
+    let held = |name| if model.independent_names().contains(name) { f64::INFINITY } else { 1.0 };
+    let weights: Vec<f64> = open.tree_names().iter().map(held).collect();
+    let q = open.assemble(&open.tree_zero(), &weights).unwrap().q;
+    let robot = rezeroed(&moved, &q).unwrap();
+    (Model::compile(&robot).unwrap().model, q)
+}
+
+/// What the encoders of these joints measure at random poses.
+fn measured(
+    (model, at_zero): &(Model<f64>, Vec<f64>),
+    encoders: &[(usize, f64)],
+    (rows, noise): (usize, f64),
+    random: &mut Random,
+) -> Vec<Vec<f64>> {
+    let info = model.info();
+    let query = Query::new(Request::Kinematics, Field::Y.into(), Field::Q.into());
+    let plan = Plan::new(model, &query).unwrap();
+    let mut workspace = Workspace::for_plans(model, [&plan]);
+    let mut q = vec![0.0; info.sizes.n_q];
+    let units = model.tree_units();
+    let mut row = || {
+        let y: Vec<f64> = (info.independent.iter())
+            .map(|name| {
+                let v = info.tree.iter().position(|x| x == name).unwrap();
+                let limits = info.limits[v].unwrap();
+                let [low, high] = [limits.lower.unwrap(), limits.upper.unwrap()];
+                random.within(0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
+            })
+            .collect();
+        let is_closed = plan.run(model, &mut workspace, &y, &mut q).status == Status::Ok;
+        let mut read =
+            |(k, o): &(usize, f64)| q[*k] + at_zero[*k] + o + noise * units[*k] * random.normal();
+        is_closed.then(|| encoders.iter().map(&mut read).collect())
+    };
+    core::iter::from_fn(|| Some(row())).flatten().take(rows).collect()
+}
+
+/// The geometry and the offsets that the encoders tell are found within three standard errors, and
+/// the noise of the encoders is what is left over.
+#[test]
+fn geometry_is_found_from_redundant_encoders() {
+    const NOISE: f64 = 1e-5;
+    let mut random = Random(7);
+    let mut within = [0; 2];
+    for (name, least) in [("lambda", 4), ("five_bar", 6), ("agile_eye", 10), ("torso", 10)] {
+        let loaded = load(&Source::Bundled(name.into()), &Options::default()).unwrap();
+        let Loaded { description, compiled, .. } = &loaded;
+        let info = compiled.model.info();
+        let encoders: Vec<usize> = (0..info.tree.len()).collect();
+        let heads = info.tree.clone();
+        let n = info.geometry().len();
+        let own = displaced_robot(description, &vec![0.0; n]);
+        let plain: Vec<(usize, f64)> = encoders.iter().map(|k| (*k, 0.0)).collect();
+        let rows = measured(&own, &plain, (300, 0.0), &mut random);
+        let exact = calibrate(description, &heads, &rows).unwrap();
+        assert!(exact.noise[1] < 1e-12, "{name}: {:?}", exact.noise);
+        let told: Vec<usize> = (0..exact.parameters.len())
+            .filter(|k| exact.parameters[*k].standard_error.is_some())
+            .collect();
+        println!("{name}: {} of {} told", told.len(), exact.parameters.len());
+        assert!(told.len() >= least, "{name}: {}", told.len());
+        // what is told differs
+        let mut truth = vec![0.0; exact.parameters.len()];
+        told.iter().for_each(|k| truth[*k] = random.within(-1e-3, 1e-3));
+        let (offsets, theta) = truth.split_at(encoders.len());
+        let other = displaced_robot(description, theta);
+        let with_offsets: Vec<(usize, f64)> =
+            encoders.iter().copied().zip(offsets.iter().copied()).collect();
+        let rows = measured(&other, &with_offsets, (2000, NOISE), &mut random);
+        let found = calibrate(description, &heads, &rows).unwrap();
+        let [model, fitted] = found.noise;
+        assert!(model > 5.0 * NOISE && (fitted / NOISE - 1.0).abs() < 0.03, "{name}: {fitted:e}");
+        for (of, truth) in found.parameters.iter().zip(&truth) {
+            let Some(error) = of.standard_error else { continue };
+            within[usize::from((of.value - truth).abs() < 3.0 * error)] += 1;
+        }
+    }
+    println!("{within:?}");
+    assert!(within[0] * 50 < within[1], "{within:?}");
 }

@@ -1,27 +1,31 @@
-//! `sarrus identify`: masses, inertias and friction from a motion.
+//! `sarrus identify`: masses, inertias and friction from a motion; `sarrus calibrate`: geometry from
+//! redundant encoders.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use sarrus_identify::{Estimate, IdentifyError, Log, identify};
-use sarrus_models::{Loaded, texts, with_inertials};
+use sarrus_identify::{Calibration, Estimate, IdentifyError, Log, calibrate, identify};
+use sarrus_models::{Loaded, NewZero, texts, with_inertials};
 
 use super::output::{Failure, FormatFlag, Outcome, Results, write};
 use super::robot::RobotFlags;
 use super::table::table;
 
-/// Flags of `identify`.
+/// Flags of `identify` and `calibrate`.
 #[derive(Args)]
-#[command(override_usage = "sarrus identify [OPTIONS] <LOG> <--robot <NAME>|FILE.urdf> [FILE]")]
+#[command(override_usage = "sarrus identify|calibrate [OPTIONS] <LOG> <--robot <NAME>|FILE.urdf> \
+                            [FILE]")]
 pub(crate) struct Identify {
-    /// A table with the columns that `sarrus time` writes: t, independent joints by name, NAME/yd,
-    /// NAME/ydd, ACTUATOR/tau_u. Without NAME/ydd rates come from cubics through the positions.
+    /// A table with a head. `identify`: the columns that `sarrus time` writes, t, independent joints
+    /// by name, NAME/yd, NAME/ydd, ACTUATOR/tau_u; without NAME/ydd rates come from cubics through
+    /// the positions. `calibrate`: independent joints, and dependent ones that have an encoder.
     #[arg(value_name = "LOG")]
     log: PathBuf,
     #[command(flatten)]
     robot: RobotFlags,
-    /// The URDF to write: the robot's with the new masses and inertias, all other bytes unchanged.
+    /// The URDF to write: the robot's with the new numbers, all other bytes unchanged. `calibrate`
+    /// writes the submechanisms beside it, with the ending yml.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -54,6 +58,47 @@ impl Identify {
         let text = self.format.render(&estimate.to_json(), |_| words(&estimate));
         Ok(Results { text, code: 0 })
     }
+
+    pub(crate) fn calibrate(self) -> Outcome {
+        let Loaded { description, .. } = self.robot.load_and_warn()?;
+        let (_, rows, heads) = table(&self.log)?;
+        let failed = |error| Failure::finding(format!("{}: {error}", self.log.display()));
+        let found = calibrate(&description, &heads, &rows).map_err(failed)?;
+        if let Some(path) = &self.out {
+            let of_type = description.submechanisms.iter().zip(&found.description.submechanisms);
+            if let Some((of, _)) = of_type.clone().find(|(a, b)| a.loops.len() != b.loops.len()) {
+                let words = format!("the type of {} defines its loops: give it", of.name);
+                return Err(Failure::finding(format!("{words} loop_constraints and NUMERICAL")));
+            }
+            let zero = NewZero { old: description, new: found.description.clone() };
+            let files = zero.write(&self.robot.source(), &self.robot.options())?;
+            let files = files.map_err(Failure::finding)?;
+            write(path, files.urdf)?;
+            if let Some(text) = files.submechanisms {
+                write(&path.with_extension("yml"), text)?;
+            }
+        }
+        let text = self.format.render(&found.to_json(), |_| calibrated(&found));
+        Ok(Results { text, code: 0 })
+    }
+}
+
+fn calibrated(found: &Calibration) -> String {
+    let mut text = format!("{:>12} {:>12}  parameter\n", "estimate", "error");
+    let mut hidden = Vec::new();
+    for of in &found.parameters {
+        match of.standard_error {
+            // writing to text cannot fail
+            Some(error) => {
+                let _ = writeln!(text, "{:>12.4e} {error:>12.2e}  {}", of.value, of.name);
+            }
+            None => hidden.push(&of.name[..]),
+        }
+    }
+    let [model, fitted] = found.noise;
+    let _ = writeln!(text, "not told apart: {}", hidden.join(", "));
+    let _ = writeln!(text, "noise of an encoder: {model:.3e} by the model, {fitted:.3e} now");
+    text
 }
 
 fn words(estimate: &Estimate) -> String {

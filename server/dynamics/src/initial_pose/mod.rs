@@ -22,7 +22,7 @@ use crate::model::{Model, assess};
 
 pub use open::OpenModel;
 use problem::Problem;
-pub use rezero::{closing_placements, rezeroed};
+pub use rezero::{closing_placements, displaced, rezeroed};
 pub(crate) use rezero::{has_moved, moved, n_q, placed, placement};
 
 /// A closed pose near a given one.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use crate::compile::{link_pose, pose_of, unit_of};
+use crate::compile::{link_pose, loops_of, pose_of, unit_of};
 use crate::description::{Cut, Description, Joint, JointKind, Limits, Loop, Placement, Row};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::{Matrix, Pose, from_quaternion, zero};
@@ -73,6 +73,45 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
                 predecessor: placement(&predecessor),
                 successor: placement(&successor),
             };
+        }
+    }
+    Some(next)
+}
+
+/// The robot with every cut placed on both of its links, and with displaced origins of joints and
+/// placements of cuts: θ with the names of `ModelInfo::geometry`, by six. Loops may be open at its
+/// zero pose. `None` for names of another robot.
+pub fn displaced(
+    description: &Description,
+    names: &[String],
+    theta: &[f64],
+) -> Option<Description> {
+    let mut next = description.clone();
+    for (s, of) in next.submechanisms.iter_mut().enumerate() {
+        of.loops = loops_of(description, s);
+        for cycle in &mut of.loops {
+            if let Some(cut) = placed(description, cycle) {
+                cycle.cut = cut;
+            }
+        }
+    }
+    for (name, by) in names.chunks_exact(6).zip(theta.chunks_exact(6)) {
+        let place = name[0].strip_suffix("/rx")?;
+        let at = match next.joints.iter_mut().find(|joint| joint.name == place) {
+            Some(joint) => &mut joint.origin,
+            None => {
+                let (cut, end) = place.rsplit_once('/')?;
+                let mut loops = next.submechanisms.iter_mut().flat_map(|of| &mut of.loops);
+                match &mut loops.find(|cycle| cycle.name == cut)?.cut {
+                    Cut::Placed { predecessor, .. } if end == "predecessor" => predecessor,
+                    Cut::Placed { successor, .. } => successor,
+                    _ => return None,
+                }
+            }
+        };
+        if by.iter().any(|x| *x != 0.0) {
+            let by = Placement { rpy: [by[0], by[1], by[2]], xyz: [by[3], by[4], by[5]] };
+            *at = placement(&pose_of(at).then(&pose_of(&by)));
         }
     }
     Some(next)
