@@ -1,5 +1,5 @@
-//! `sarrus identify`: masses, inertias and friction from a motion; `sarrus calibrate`: geometry from
-//! redundant encoders.
+//! `sarrus identify`: masses, inertias and friction from a motion; `sarrus calibrate`: geometry
+//! from redundant encoders.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -17,9 +17,9 @@ use super::table::table;
 #[command(override_usage = "sarrus identify|calibrate [OPTIONS] <LOG> <--robot <NAME>|FILE.urdf> \
                             [FILE]")]
 pub(crate) struct Identify {
-    /// A table with a head. `identify`: the columns that `sarrus time` writes, t, independent joints
-    /// by name, NAME/yd, NAME/ydd, ACTUATOR/tau_u; without NAME/ydd rates come from cubics through
-    /// the positions. `calibrate`: independent joints, and dependent ones that have an encoder.
+    /// A table with a head. `identify`: the columns that `sarrus time` writes, t, independent
+    /// joints by name, NAME/yd, NAME/ydd, ACTUATOR/tau_u; without NAME/ydd rates come from cubics
+    /// through the positions. `calibrate`: independent joints, and dependent ones with an encoder.
     #[arg(value_name = "LOG")]
     log: PathBuf,
     #[command(flatten)]
