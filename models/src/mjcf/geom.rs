@@ -52,6 +52,17 @@ pub(super) fn part(
     {
         return None;
     }
+    let wrong = match (mass.is_some_and(|mass| mass < 0.0), half_length) {
+        (true, _) => Some(("mass", "0 or more")),
+        _ if density < 0.0 => Some(("density", "0 or more")),
+        (_, Some(_)) if kind == "sphere" => Some(("fromto", "`pos`, for a sphere has no ends")),
+        _ => None,
+    };
+    if let Some((name, expected)) = wrong {
+        let found = format!("`{name}` of a {kind} is {}", item.text(name).unwrap_or_default());
+        diagnostics.error(item.at(name), found, expected, "correct it");
+        return None;
+    }
     if let Some(half_length) = half_length {
         size = match (kind, size.first()) {
             ("capsule" | "cylinder", Some(radius)) => vec![*radius, half_length],
