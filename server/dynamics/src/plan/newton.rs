@@ -19,6 +19,8 @@ pub struct NewtonCluster {
     pub floor: f64,
     /// Its characteristic length `[m]`.
     pub length: f64,
+    /// How far the independents may go from zero in one attempt, in radians or cluster lengths.
+    pub reach: f64,
 }
 
 /// A block of a cluster.
@@ -69,6 +71,7 @@ impl Plan {
                 blocks: blocks.collect(),
                 floor: 8.0 * f64::EPSILON * cluster.length,
                 length: cluster.length,
+                reach: numerical.reach,
             })
         };
         self.newton_only().map(cluster).collect()

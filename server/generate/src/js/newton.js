@@ -43,7 +43,7 @@ function closed(cluster, q) {
   const goal = cluster.independents.map(([i]) => q[i]);
   const whole = cluster.independents.reduce(
     (sum, [i, unit]) => sum + Math.abs(q[i] - zero[i]) * unit, 0);
-  if (attempt(cluster, q, null, whole)) return true;
+  if (whole <= cluster.reach && attempt(cluster, q, null, whole)) return true;
   let last = Float64Array.from(zero);
   if (!attempt(cluster, last, determinants(cluster, last), 0)) return false;
   let signs = determinants(cluster, last);
@@ -57,7 +57,8 @@ function closed(cluster, q) {
     cluster.independents.forEach(([i], k) => {
       trial[i] = next === 1 ? goal[k] : fma(goal[k] - zero[i], next, zero[i]);
     });
-    if (attempt(cluster, trial, signs, whole * (next - at))) {
+    const moved = whole * (next - at);
+    if ((at > 0 || moved <= cluster.reach) && attempt(cluster, trial, signs, moved)) {
       last = trial;
       signs = determinants(cluster, last);
       at = next;

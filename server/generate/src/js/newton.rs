@@ -88,7 +88,8 @@ fn cluster_text(
     let independents: String =
         independents.map(|(place, unit)| format!("[{place}, {}], ", literal(unit))).collect();
     Ok(format!(
-        "  {{ floor: {}, independents: [{independents}], blocks: [\n{text}  ] }},\n",
-        literal(cluster.floor)
+        "  {{ floor: {}, reach: {}, independents: [{independents}], blocks: [\n{text}  ] }},\n",
+        literal(cluster.floor),
+        literal(cluster.reach),
     ))
 }
