@@ -26,7 +26,9 @@ pub(crate) fn of_robot(robot: &Robot) -> Outcome<Vec<Case<'_>>> {
     let mut cases = Vec::new();
     for (k, variant) in robot.variants.iter().enumerate() {
         for &start in starts(robot, variant) {
-            let forced = Question::FORCED.into_iter().filter(|_| start != Start::Cold);
+            let forced = [Method::Recursion, Method::Projection, Method::Kkt];
+            let forced = forced.map(Question::Forced).into_iter();
+            let forced = forced.filter(|_| start != Start::Cold);
             for question in Question::CHOSEN.into_iter().chain(forced) {
                 let square = matches!(question, Question::Forced(Method::Projection | Method::Kkt));
                 if !(square && variant.compiled.model.sizes().n_v > LARGEST_SQUARE) {

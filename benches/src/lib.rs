@@ -24,6 +24,7 @@
 mod batches;
 mod bridge;
 mod cases;
+pub mod cores;
 mod count;
 mod errors;
 mod forward;

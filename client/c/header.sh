@@ -3,5 +3,9 @@
 # SARRUS_CBINDGEN names, else the one on PATH.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
-"${SARRUS_CBINDGEN:-cbindgen}" --quiet --config cbindgen.toml \
-    --output "${1:-include/sarrus.h}" .
+header=${1:-include/sarrus.h}
+"${SARRUS_CBINDGEN:-cbindgen}" --quiet --config cbindgen.toml --output "$header" .
+# the payloads' comments address readers of Rust: units, links and letters as elsewhere in a header
+sed -i -E 's/`(\[[^]`]*\])`/\1/; s/\[`MechanismState`\]/sarrus_mechanism_state/
+    s/\[`Reason`\]/sarrus_reason/; s/\[`flag`\]/sarrus_flag/
+    s/τ/tau/g; s/−/-/g; s/°C/degrees Celsius/' "$header"

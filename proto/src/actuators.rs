@@ -191,7 +191,8 @@ pub mod flag {
 /// One command for all actuators of a robot, in the order of u.
 ///
 /// An actuator follows τ = effort + stiffness (position − measured) + damping (velocity −
-/// measured), as far as its motor's mode allows.
+/// measured), as far as its motor's mode allows. A controller that sends the command fills in
+/// sequence, stamp and fingerprint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct ActuatorCommand {

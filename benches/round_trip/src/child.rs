@@ -8,11 +8,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use clap::ValueEnum;
+use sarrus_benches::cores::{Cores, pin};
 use sarrus_client::describe;
 use sarrus_models::{LoadError, Options, Source, load};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
-use sarrus_report::measure::cores::{Cores, pin};
 use sarrus_serve::record::{RecordOptions, RecordedRobot};
 use sarrus_serve::{ServeOptions, Wait, serve};
 

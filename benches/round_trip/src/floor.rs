@@ -16,11 +16,11 @@ use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc::Service;
 use iceoryx2::prelude::{NodeBuilder, ServiceName};
+use sarrus_benches::cores::Cores;
 use sarrus_proto::Domain;
 use sarrus_proto::message::{ComputeRequest, RequestHead};
 use sarrus_proto::run::Link;
 use sarrus_report::Outcome;
-use sarrus_report::measure::cores::Cores;
 
 use crate::child::{Child, Role};
 

@@ -6,13 +6,13 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use sarrus_benches::cores::Cores;
 use sarrus_client::{
     ConnectOptions, PlanId, QueryOptions, Robot as Client, Transport, WaitStrategy,
 };
 use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 use sarrus_proto::Domain;
 use sarrus_report::Outcome;
-use sarrus_report::measure::cores::Cores;
 use sarrus_report::measure::progress::Progress;
 use sarrus_report::measure::timing::Samples;
 use sarrus_report::robots::Robot;

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use sarrus_report::Outcome;
-use sarrus_report::measure::cores::Cores;
 use sarrus_report::measure::machine::machine;
 use sarrus_report::measure::progress::Progress;
 use sarrus_report::measure::timing;
@@ -14,6 +13,7 @@ use sarrus_report::robots::{Robot, Subject};
 use serde_json::json;
 
 use crate::cases::{self, Case};
+use crate::cores::Cores;
 use crate::errors;
 use crate::printed::Printed;
 use crate::table::Format;
@@ -57,8 +57,7 @@ pub struct Options {
 pub fn run(options: &Options) -> Outcome {
     let effort = if options.quick { Effort::QUICK } else { Effort::FULL };
     let progress = Progress::silent();
-    let cores = Cores::choose()?;
-    cores.pin_client();
+    Cores::choose()?.pin_client();
 
     // the same states for every way to close a robot's loops
     let mut robots = Vec::new();
@@ -99,7 +98,7 @@ pub fn run(options: &Options) -> Outcome {
     let values: Vec<_> = rows.map(value).collect();
     let printed = Printed {
         package: "sarrus-benches",
-        machine: machine(&cores),
+        machine: machine()?,
         tables: tables::all(&robots, &cases, &errors, &samples),
         values: json!({ "in_process": values }),
         samples,

@@ -1,7 +1,8 @@
 /*
  * sarrus: kinematics and dynamics of robots with closed loops, from C99 on and from C++.
  *
- * Written by cbindgen from client/c/src, whose comments these are: change them there, not here.
+ * Written by client/c/header.sh from client/c/src and, where the bridge comes in,
+ * proto/src/actuators.rs, whose comments these are: change them there, not here.
  *
  * Units are SI and radians. y are the independent coordinates, u the actuators, q the spanning
  * tree; d and dd behind them are their rates. Sizes are in brackets, by the names of sarrus_sizes.
@@ -1111,26 +1112,27 @@ typedef struct sarrus_slot {
 } sarrus_slot;
 
 /**
- * One command for all actuators of a robot, in the order of u. An actuator follows
- * effort + stiffness (position - measured) + damping (velocity - measured), as far as its motor's
- * mode allows. Begin with zeros. Sequence, stamp and fingerprint are filled in by
- * sarrus_controller_send.
+ * One command for all actuators of a robot, in the order of u.
+ *
+ * An actuator follows tau = effort + stiffness (position - measured) + damping (velocity -
+ * measured), as far as its motor's mode allows. A controller that sends the command fills in
+ * sequence, stamp and fingerprint.
  */
 typedef struct sarrus_actuator_command {
     /**
-     * Filled in: grows with each command.
+     * Increases with each command; any other command is rejected.
      */
     uint64_t sequence;
     /**
-     * Filled in: when it was sent, by the monotonic clock of this machine [ns].
+     * Time at which the command was computed, by the monotonic clock of this machine [ns].
      */
     uint64_t stamp_ns;
     /**
-     * Filled in: the fingerprint of the controller.
+     * Fingerprint of the model behind the command; 0 if the bridge has no model.
      */
     uint64_t fingerprint;
     /**
-     * How many actuators it is for (n_u).
+     * Number of actuators (n_u).
      */
     uint64_t n_u;
     /**
@@ -1156,7 +1158,7 @@ typedef struct sarrus_actuator_command {
 } sarrus_actuator_command;
 
 /**
- * State of all actuators after a cycle of the bridge, in the order of u.
+ * The state of all actuators after a cycle of the bridge, in the order of u.
  */
 typedef struct sarrus_actuator_state {
     /**
@@ -1172,11 +1174,11 @@ typedef struct sarrus_actuator_state {
      */
     uint64_t fingerprint;
     /**
-     * How many actuators there are (n_u).
+     * Number of actuators (n_u).
      */
     uint64_t n_u;
     /**
-     * Sequence of the last command that was taken.
+     * Sequence of the last accepted command.
      */
     uint64_t command;
     /**
@@ -1204,7 +1206,7 @@ typedef struct sarrus_actuator_state {
      */
     uint32_t faults[SARRUS_MAX_ACTUATORS];
     /**
-     * When each was measured, by the monotonic clock [ns]; 0 for never.
+     * Time of each measurement, by the monotonic clock [ns]; 0 for none.
      */
     uint64_t measured_ns[SARRUS_MAX_ACTUATORS];
     /**
@@ -1592,8 +1594,8 @@ sarrus_status sarrus_controller_connect(const char *name,
                                         struct sarrus_controller **controller);
 
 /**
- * Sends a command; its sequence, stamp and fingerprint are filled in. SARRUS_STATUS_NOT_SENT where
- * it could not be sent. Never allocates.
+ * Sends a command, which begins with zeros; its sequence, stamp and fingerprint are filled in.
+ * SARRUS_STATUS_NOT_SENT where it could not be sent. Never allocates.
  */
 SARRUS_MUST_USE
 sarrus_status sarrus_controller_send(struct sarrus_controller *controller,

@@ -1,11 +1,4 @@
-//! C types of the commands and states between controllers and a bridge.
-
-use sarrus_client::actuators as wire;
-
-/// Most actuators of a robot.
-pub const MAX_ACTUATORS: usize = 64;
-
-const _: () = assert!(MAX_ACTUATORS == wire::MAX_ACTUATORS);
+//! C enums of the commands and states between controllers and a bridge.
 
 /// State of a mechanism, and of the bridge as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -158,92 +151,10 @@ pub enum Flag {
     PositionChanged = 1 << 15,
 }
 
-/// One command for all actuators of a robot, in the order of u. An actuator follows
-/// effort + stiffness (position - measured) + damping (velocity - measured), as far as its motor's
-/// mode allows. Begin with zeros. Sequence, stamp and fingerprint are filled in by
-/// sarrus_controller_send.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct ActuatorCommand {
-    /// Filled in: grows with each command.
-    pub sequence: u64,
-    /// Filled in: when it was sent, by the monotonic clock of this machine [ns].
-    pub stamp_ns: u64,
-    /// Filled in: the fingerprint of the controller.
-    pub fingerprint: u64,
-    /// How many actuators it is for (n_u).
-    pub n_u: u64,
-    /// Position [rad, m].
-    pub position: [f64; MAX_ACTUATORS],
-    /// Velocity [rad/s, m/s].
-    pub velocity: [f64; MAX_ACTUATORS],
-    /// Moment or force, tau_u [N m, N].
-    pub effort: [f64; MAX_ACTUATORS],
-    /// Stiffness [N m/rad, N/m], at least 0.
-    pub stiffness: [f64; MAX_ACTUATORS],
-    /// Damping [N m s/rad, N s/m], at least 0.
-    pub damping: [f64; MAX_ACTUATORS],
-}
-
-/// State of all actuators after a cycle of the bridge, in the order of u.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct ActuatorState {
-    /// Number of the cycle.
-    pub sequence: u64,
-    /// Time of the cycle, by the monotonic clock of this machine [ns].
-    pub stamp_ns: u64,
-    /// Fingerprint of the model; 0 without one.
-    pub fingerprint: u64,
-    /// How many actuators there are (n_u).
-    pub n_u: u64,
-    /// Sequence of the last command that was taken.
-    pub command: u64,
-    /// The worst of the mechanisms, a sarrus_mechanism_state.
-    pub state: u32,
-    /// Why, a sarrus_reason.
-    pub reason: u32,
-    /// The sarrus_mechanism_state of each actuator's mechanism.
-    pub states: [u32; MAX_ACTUATORS],
-    /// Why, a sarrus_reason each.
-    pub reasons: [u32; MAX_ACTUATORS],
-    /// Bits of sarrus_flag.
-    pub flags: [u32; MAX_ACTUATORS],
-    /// The motors' own codes of their faults; 0 without one.
-    pub faults: [u32; MAX_ACTUATORS],
-    /// When each was measured, by the monotonic clock [ns]; 0 for never.
-    pub measured_ns: [u64; MAX_ACTUATORS],
-    /// Position [rad, m]; NaN before the first measurement, here and below.
-    pub position: [f64; MAX_ACTUATORS],
-    /// Velocity [rad/s, m/s].
-    pub velocity: [f64; MAX_ACTUATORS],
-    /// Moment or force [N m, N].
-    pub effort: [f64; MAX_ACTUATORS],
-    /// Temperature of the motor [degrees Celsius].
-    pub temperature: [f64; MAX_ACTUATORS],
-}
-
-/// Makes one structure of another with fields of the same names.
-macro_rules! convert {
-    ($from:ty => $to:ty { $($field:ident),* }) => {
-        impl From<$from> for $to {
-            fn from(from: $from) -> Self {
-                Self { $($field: from.$field),* }
-            }
-        }
-    };
-}
-
-convert!(ActuatorCommand => wire::ActuatorCommand {
-    sequence, stamp_ns, fingerprint, n_u, position, velocity, effort, stiffness, damping
-});
-convert!(wire::ActuatorState => ActuatorState {
-    sequence, stamp_ns, fingerprint, n_u, command, state, reason, states, reasons, flags, faults,
-    measured_ns, position, velocity, effort, temperature
-});
-
 #[cfg(test)]
 mod tests {
+    use sarrus_client::actuators as wire;
+
     use super::*;
 
     /// `OtherMechanism` of `other_mechanism`.

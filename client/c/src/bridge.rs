@@ -5,9 +5,10 @@ use core::ffi::c_char;
 use core::mem::MaybeUninit;
 use core::ptr::null;
 
-use sarrus_client::actuators as wire;
+use sarrus_client::actuators::{
+    ActuatorCommand, ActuatorState, MAX_ACTUATORS, MechanismState, Operation, Reason,
+};
 
-use crate::actuators::{ActuatorCommand, ActuatorState, MAX_ACTUATORS};
 use crate::border::{free, make, put, text};
 use crate::failure::{Failure, guarded};
 use crate::status::StatusCode;
@@ -37,8 +38,8 @@ pub unsafe extern "C" fn sarrus_controller_connect(
     })
 }
 
-/// Sends a command; its sequence, stamp and fingerprint are filled in. SARRUS_STATUS_NOT_SENT where
-/// it could not be sent. Never allocates.
+/// Sends a command, which begins with zeros; its sequence, stamp and fingerprint are filled in.
+/// SARRUS_STATUS_NOT_SENT where it could not be sent. Never allocates.
 #[unsafe(no_mangle)]
 #[must_use]
 pub extern "C" fn sarrus_controller_send(
@@ -52,12 +53,7 @@ pub extern "C" fn sarrus_controller_send(
             let found = u32::try_from(command.n_u).unwrap_or(u32::MAX);
             return Err(Failure::Number("count of actuators", found));
         }
-        let mut sent = wire::ActuatorCommand::from(*command);
-        let went = controller.0.send(&mut sent);
-        command.sequence = sent.sequence;
-        command.stamp_ns = sent.stamp_ns;
-        command.fingerprint = sent.fingerprint;
-        if went { Ok(()) } else { Err(Failure::NotSent) }
+        if controller.0.send(command) { Ok(()) } else { Err(Failure::NotSent) }
     })
 }
 
@@ -72,7 +68,7 @@ pub extern "C" fn sarrus_controller_state(
     guarded(|| {
         let controller = controller.ok_or(Failure::Null("controller"))?;
         let place = state.ok_or(Failure::Null("state"))?;
-        place.write(controller.0.state().ok_or(Failure::NothingNew)?.into());
+        place.write(controller.0.state().ok_or(Failure::NothingNew)?);
         Ok(())
     })
 }
@@ -142,7 +138,7 @@ pub extern "C" fn sarrus_observer_state(
     guarded(|| {
         let observer = observer.ok_or(Failure::Null("observer"))?;
         let place = state.ok_or(Failure::Null("state"))?;
-        place.write(observer.0.state().ok_or(Failure::NothingNew)?.into());
+        place.write(observer.0.state().ok_or(Failure::NothingNew)?);
         Ok(())
     })
 }
@@ -187,8 +183,8 @@ pub extern "C" fn sarrus_observer_free(observer: Option<Box<Observer>>) {
     free(observer);
 }
 
-fn of_code(operation: u32) -> Result<wire::Operation, Failure> {
-    wire::Operation::from_code(operation).ok_or(Failure::Number("operation", operation))
+fn of_code(operation: u32) -> Result<Operation, Failure> {
+    Operation::from_code(operation).ok_or(Failure::Number("operation", operation))
 }
 
 /// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in [ns].
@@ -200,11 +196,11 @@ pub extern "C" fn sarrus_now_ns() -> u64 {
 /// Name of a sarrus_mechanism_state; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_mechanism_state_name(state: u32) -> *const c_char {
-    name_of!(wire::MechanismState, state)
+    name_of!(MechanismState, state)
 }
 
 /// Name of a sarrus_reason; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_reason_name(reason: u32) -> *const c_char {
-    name_of!(wire::Reason, reason)
+    name_of!(Reason, reason)
 }

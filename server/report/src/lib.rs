@@ -7,7 +7,7 @@
 //! Each module depends only on those above it:
 //!
 //! ```text
-//! csv_rows   rows of cells as CSV                       measure    processors, times, progress
+//! csv_rows   rows of cells as CSV                       measure    machine, times, progress
 //! robots     robots, questions, states
 //! page       figures, sections, HTML, JSON, CSV          reference  the same in double-double
 //! peer       other engines on the same states

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::time::UNIX_EPOCH;
 
 use crate::measure::Effort;
-use crate::measure::cores::Cores;
 use crate::measure::machine::machine;
 use crate::measure::progress::Progress;
 use crate::page::files::{files, with_names, write};
@@ -102,7 +101,7 @@ pub fn run(options: &Options) -> Outcome<Report> {
 
     let report = Report {
         command: command(options.effort.quick, options.sections.iter().map(String::as_str)),
-        machine: machine(&Cores::choose()?),
+        machine: machine()?,
         date: date(UNIX_EPOCH.elapsed().map_or(0, |since| since.as_secs() / 86_400)),
         quick: options.effort.quick,
         sections: with_names(sections),

@@ -1,6 +1,5 @@
-//! Measurement: processors, the machine's name, times, progress.
+//! Measurement: the machine's name, times, progress.
 
-pub mod cores;
 pub mod machine;
 pub mod progress;
 pub mod timing;

@@ -136,12 +136,3 @@ impl Batch {
         }
     }
 }
-
-/// Time of reading the clock twice, in nanoseconds: a part of every round trip that is shown.
-pub fn clock() -> f64 {
-    let pair = |_| {
-        let start = Instant::now();
-        start.elapsed().as_nanos() as f64
-    };
-    Samples::new((0..10_001).map(pair).collect()).median()
-}

@@ -36,12 +36,6 @@ impl Question {
     /// With the method that the model chooses.
     pub const CHOSEN: [Question; 3] =
         [Question::State, Question::InverseDynamics, Question::ForwardDynamics];
-    /// Forward dynamics by each method.
-    pub const FORCED: [Question; 3] = [
-        Question::Forced(Method::Recursion),
-        Question::Forced(Method::Projection),
-        Question::Forced(Method::Kkt),
-    ];
 
     /// Its name in tables and in the names of cases.
     pub const fn name(self) -> &'static str {

@@ -4,8 +4,7 @@ use core::fmt;
 use std::fs;
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
-
-use crate::Outcome;
+use sarrus_report::Outcome;
 
 /// One processor for the client, one for the server, and one for the server's other threads.
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +12,6 @@ pub struct Cores {
     client: usize,
     server: usize,
     upkeep: usize,
-    /// Number of processors.
-    pub count: usize,
     /// True when client and server are two threads of one core.
     siblings: bool,
 }
@@ -35,13 +32,7 @@ impl Cores {
             allowed[1..].iter().copied().filter(apart).chain(allowed[1..].iter().copied());
         let client = others.next().unwrap_or(server);
         let upkeep = others.find(|cpu| *cpu != client).unwrap_or(server);
-        Ok(Cores {
-            client,
-            server,
-            upkeep,
-            count: allowed.len(),
-            siblings: client != server && !apart(&client),
-        })
+        Ok(Cores { client, server, upkeep, siblings: client != server && !apart(&client) })
     }
 
     /// True when there is only one.
