@@ -55,13 +55,12 @@ fn one(cases: &mut Cases, robot: &Robot, n: usize, state: &State) -> Outcome {
         // assessed by the backward error: the condition of M_y grows like n⁴, so that no method can
         // do better forwards
         let at = At { value, method: method.name() };
-        let case = Case {
+        cases.all.push(Case {
             reference: "ID∘FD in double-double",
             backward,
             nanoseconds: Some(answer.nanoseconds(&robot.compiled.model, 5)),
             ..cases.answered(robot, at, "FD", &answer, backward)
-        };
-        cases.all.push(case);
+        });
     }
     Ok(())
 }

@@ -121,15 +121,14 @@ fn sequence(
         }
         None => format!("{ok} poses ok"),
     };
-    let case = Case {
+    cases.all.push(Case {
         status: if refused.is_empty() { "ok".into() } else { refused },
         error: jump.map(|(_, by, _)| by),
         reference: "the path in small steps",
         reported,
         assessment,
         ..cases.blank(&robot.name, at, asked)
-    };
-    cases.all.push(case);
+    });
     Ok(())
 }
 

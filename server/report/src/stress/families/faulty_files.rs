@@ -43,12 +43,11 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
                 cases.refused("lambda", at, name, "refused at load", reported);
             }
             Ok(loaded) => {
-                let case = Case {
+                cases.all.push(Case {
                     status: Status::Ok.name().into(),
                     reported: format!("{} warnings", loaded.report.warnings.len()),
                     ..cases.blank("lambda", at, name)
-                };
-                cases.all.push(case);
+                });
             }
         }
     }

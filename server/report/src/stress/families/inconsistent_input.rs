@@ -111,12 +111,11 @@ pub(crate) fn one(cases: &mut Cases, robot: &Robot, seed: u64) -> Outcome {
     let figure = figure.map_or(String::new(), |x| format!(", projection {x:.1e}"));
     let error = (ok && assessment != Assessment::Held).then_some(moved);
     let at = At::of(robot, size);
-    let case = Case {
+    cases.all.push(Case {
         reference: "what was given",
         reported: format!("q moved by {of_q:.1e}, qd by {of_qd:.1e}{figure}, seed {seed}"),
         assessment,
         ..cases.answered(robot, at, ask.name(), &answer, error)
-    };
-    cases.all.push(case);
+    });
     Ok(())
 }

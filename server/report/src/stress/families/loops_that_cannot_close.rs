@@ -50,13 +50,12 @@ pub(crate) fn one(cases: &mut Cases, seed: u64) -> Outcome {
             Some(_) => Assessment::FailedSilently,
         };
         let error = open.filter(|_| assessment != Assessment::Held);
-        let case = Case {
+        cases.all.push(Case {
             reference: "all rows of the cuts",
             reported: open.map_or(String::new(), |open| format!("open by {open:.1e}")),
             assessment,
             ..cases.answered(&robot, at, ask.name(), &answer, error)
-        };
-        cases.all.push(case);
+        });
     }
     Ok(())
 }

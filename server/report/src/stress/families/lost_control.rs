@@ -102,8 +102,7 @@ fn of_motors(cases: &mut Cases, robot: &Robot, value: f64, y: Vec<f64>) -> Outco
         let exact: Vec<f64> = exact.get(field).iter().map(|x| x.to_f64()).collect();
         let error = apart(&numbers(answer.get(field)), &numbers(&exact));
         let error = (answer.status() == Status::Ok).then_some(error);
-        let case = cases.answered(robot, At::of(robot, value), field.name(), &answer, error);
-        cases.all.push(case);
+        cases.all.push(cases.answered(robot, At::of(robot, value), field.name(), &answer, error));
     }
     Ok(())
 }

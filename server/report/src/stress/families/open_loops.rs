@@ -42,12 +42,11 @@ fn project(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     let empty = q.iter().chain(&qd).all(|x| x.is_nan());
     let moved = q.iter().zip(&given).fold(0.0, |moved: f64, (a, b)| moved.max((a - b).abs()));
     let at = At::of(robot, value);
-    let case = Case {
+    cases.all.push(Case {
         reference: "loops in double-double",
         reported: if ok { format!("moved by {moved:.1e}") } else { String::new() },
         ..cases.ended(&robot.name, at, "projection", (status, error, empty))
-    };
-    cases.all.push(case);
+    });
     Ok(())
 }
 
@@ -83,7 +82,6 @@ fn stabilise(cases: &mut Cases, robot: &Robot, value: f64) -> Outcome {
     };
     let empty = qdd.iter().all(|x| x.is_nan());
     let at = At { value, method: "kkt" };
-    let case = cases.ended(&robot.name, at, "q̈", (status, error, empty));
-    cases.all.push(case);
+    cases.all.push(cases.ended(&robot.name, at, "q̈", (status, error, empty)));
     Ok(())
 }

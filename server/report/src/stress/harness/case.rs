@@ -114,14 +114,13 @@ impl Cases {
         status: &str,
         reported: String,
     ) {
-        let case = Case {
+        self.all.push(Case {
             status: status.to_owned(),
             reported,
             assessment: Assessment::Failed,
             reference: "-",
             ..self.blank(robot, at, asked)
-        };
-        self.all.push(case);
+        });
     }
 
     /// Loads a robot at a value of the parameter; a refused one is a separate case that reports the
@@ -160,7 +159,7 @@ impl Cases {
         } else {
             None
         };
-        let case = Case {
+        self.all.push(Case {
             reference: source,
             backward,
             reported: if error.is_some_and(|error| error > HELD) {
@@ -169,8 +168,7 @@ impl Cases {
                 reported(robot, ask, &answer)?
             },
             ..self.answered(robot, at, asked, &answer, error)
-        };
-        self.all.push(case);
+        });
         self.all.last_mut().ok_or_else(|| "no case".into())
     }
 

@@ -62,8 +62,7 @@ impl Cases {
             }
         }
         let error = ok.then_some(worst.unwrap_or(f64::INFINITY));
-        let case = Case { reported, ..self.answered(robot, at, asked, &answer, error) };
-        self.all.push(case);
+        self.all.push(Case { reported, ..self.answered(robot, at, asked, &answer, error) });
         Ok(())
     }
 }

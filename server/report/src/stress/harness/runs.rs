@@ -125,15 +125,14 @@ impl Trial<'_> {
         if !finished {
             reported.push(format!("at {:.3e} of {:.3e} s", run.time, settings.duration));
         }
-        let case = Case {
+        cases.all.push(Case {
             status: run.end.name().to_owned(),
             error,
             reference: self.reference,
             reported: reported.join(", "),
             assessment,
             ..cases.blank(&self.robot.name, at, "simulation")
-        };
-        cases.all.push(case);
+        });
         Ok(())
     }
 }
