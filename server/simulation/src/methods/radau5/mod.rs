@@ -99,17 +99,10 @@ impl Radau {
             return;
         }
         engine.counts.factorisations += 1;
-        let J = |i: usize, j: usize| self.jacobian[i * n + j];
-        let real =
-            DMatrix::from_fn(n, n, |i, j| if i == j { GAMMA / step - J(i, j) } else { -J(i, j) });
-        let complex = DMatrix::from_fn(n, n, |i, j| {
-            let diagonal = if i == j {
-                Complex::new(ALPHA / step, BETA / step)
-            } else {
-                Complex::new(0.0, 0.0)
-            };
-            diagonal - Complex::new(J(i, j), 0.0)
-        });
+        let J = DMatrix::from_row_slice(n, n, &self.jacobian);
+        let shift = Complex::new(ALPHA / step, BETA / step);
+        let complex = DMatrix::from_diagonal_element(n, n, shift) - J.map(Complex::from);
+        let real = DMatrix::from_diagonal_element(n, n, GAMMA / step) - J;
         self.factors = Some(Factors { step, real: real.lu(), complex: complex.lu() });
     }
 
