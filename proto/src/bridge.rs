@@ -18,7 +18,7 @@ use crate::actuators::{ActuatorCommand, ActuatorState, OperatorRequest};
 use crate::lane::Threadsafe;
 use crate::service::ServiceError;
 use crate::watch::BridgeStatistics;
-use crate::{Node, PROTOCOL_VERSION, ServerName};
+use crate::{Domain, DomainNode, Node, PROTOCOL_VERSION, ServerName, process_number};
 
 /// Processes that may watch one bridge.
 const MAX_OBSERVERS: usize = 32;
@@ -200,6 +200,58 @@ impl CommandsEnd {
     /// The newest command, once.
     pub fn command(&self) -> Option<ActuatorCommand> {
         self.commands.newest()
+    }
+}
+
+/// An end of a bridge's services with the node of this process, dropped before its files are
+/// removed.
+#[derive(Debug)]
+pub struct Place<E> {
+    end: Option<E>,
+    node: Option<DomainNode>,
+    domain: Domain,
+    /// [`process_number`] of the owner.
+    process: u64,
+}
+
+impl<E> Place<E> {
+    /// A node in the domain of this user, and the end of a bridge's services that `open` returns
+    /// for it.
+    ///
+    /// # Errors
+    /// The name or the domain cannot be used; else those of `open`.
+    pub fn enter(
+        name: &str,
+        open: impl FnOnce(&Node, &ServerName) -> Result<E, ServiceError>,
+    ) -> Result<Place<E>, ServiceError> {
+        let name = ServerName::new(name)?;
+        let domain = Domain::of_user()?;
+        let node = domain.node()?;
+        let end = Some(open(&node, &name)?);
+        Ok(Place { end, node: Some(node), domain, process: process_number() })
+    }
+
+    /// The end; `None` after [`Place::close`], and in a child of the process that entered.
+    pub fn end(&self) -> Option<&E> {
+        self.end.as_ref().filter(|_| process_number() == self.process)
+    }
+
+    /// Leaves the shared memory.
+    pub fn close(&mut self) {
+        if process_number() != self.process {
+            // end and node are still the parent's
+            return std::mem::forget((self.end.take(), self.node.take()));
+        }
+        self.end = None;
+        if self.node.take().is_some() {
+            self.domain.tidy();
+        }
+    }
+}
+
+impl<E> Drop for Place<E> {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 

@@ -7,10 +7,9 @@ use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_proto::actuators::OperatorRequest;
-use sarrus_proto::bridge::{BridgeEnd, CommandsEnd, ControllerEnd, ObserverEnd};
+use sarrus_proto::bridge::{BridgeEnd, CommandsEnd, ControllerEnd, ObserverEnd, Place};
 use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::service::ServiceError;
-use sarrus_proto::{Domain, DomainNode, Node, ServerName};
 
 use crate::bridge::{PyBridge, command, command_fields, operation_of, state_fields};
 
@@ -19,50 +18,19 @@ use crate::bridge::{PyBridge, command, command_fields, operation_of, state_field
 #[pyclass(name = "Service", module = "sarrus.can")]
 pub(crate) struct PyService(Place<BridgeEnd>);
 
-/// An end of the bridge's services until it is closed.
-struct Place<E> {
-    // ports go before their node
-    end: Option<E>,
-    node: Option<DomainNode>,
-    domain: Domain,
-}
-
-impl<E> Place<E> {
-    fn enter(
-        name: &str,
-        open: impl FnOnce(&Node, &ServerName) -> Result<E, ServiceError>,
-    ) -> PyResult<Place<E>> {
-        let enter = || {
-            let domain = Domain::of_user()?;
-            let name = ServerName::new(name)?;
-            let node = domain.node()?;
-            Ok(Place { end: Some(open(&node, &name)?), node: Some(node), domain })
-        };
-        enter().map_err(|error: ServiceError| PyOSError::new_err(error.to_string()))
-    }
-
-    /// Leaves the shared memory.
-    fn close(&mut self) {
-        drop(self.end.take());
-        if self.node.take().is_some() {
-            self.domain.tidy();
-        }
-    }
-}
-
 #[pymethods]
 impl PyService {
     /// Offers a bridge under a name. A name that is taken, or shared memory that cannot be used, is
     /// an `OSError`.
     #[new]
     fn new(name: &str) -> PyResult<PyService> {
-        Ok(PyService(Place::enter(name, BridgeEnd::create)?))
+        Ok(PyService(Place::enter(name, BridgeEnd::create).map_err(os_error)?))
     }
 
     /// Gives the bridge the operations since the last call in their order, and the newest command.
     /// The bridge's counters have the verdict on the command.
     fn take(&self, now_ns: u64, bridge: &PyBridge) {
-        let Some(end) = &self.0.end else { return };
+        let Some(end) = self.0.end() else { return };
         let mut bridge = bridge.lock();
         while let Some(request) = end.operation() {
             bridge.request(now_ns, &request);
@@ -74,7 +42,7 @@ impl PyService {
 
     /// Publishes the bridge's state to all observers; false if that failed.
     fn publish(&self, bridge: &PyBridge) -> bool {
-        self.0.end.as_ref().is_some_and(|end| end.publish(bridge.lock().state()))
+        self.0.end().is_some_and(|end| end.publish(bridge.lock().state()))
     }
 
     /// Leaves the shared memory.
@@ -115,7 +83,8 @@ impl PyController {
                 Ok(End::Observer(ObserverEnd::open(node, name)?, commands))
             }
             false => ControllerEnd::open(node, name).map(End::Controller),
-        })?;
+        })
+        .map_err(os_error)?;
         let sequence = AtomicU64::new(0);
         Ok(PyController { place, sequence, fingerprint, of_bridge: OnceLock::new() })
     }
@@ -171,13 +140,14 @@ impl PyController {
         };
         let numbers = numbers.each_ref().map(Vec::as_slice);
         let command = command(sequence, stamp_ns, fingerprint, numbers)?;
-        match &self.place.end {
+        match self.place.end() {
             Some(End::Controller(end)) => {
                 self.sequence.store(sequence, Relaxed);
                 Ok(end.send(&command))
             }
             _ => Err(PyOSError::new_err(
-                "an observer (`watch=True`) and a closed controller cannot command",
+                "an observer (`watch=True`), a closed controller and one of the process from which \
+                 this one was forked cannot command",
             )),
         }
     }
@@ -203,7 +173,7 @@ impl PyController {
     /// With `watch`, the numbers of the newest command to the bridge by field, once; `None` without
     /// a new one.
     fn commanded<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(End::Observer(_, commands)) = &self.place.end else {
+        let Some(End::Observer(_, commands)) = self.place.end() else {
             return Err(PyOSError::new_err("only an observer (`watch=True`) sees commands"));
         };
         commands.command().map(|command| command_fields(py, command)).transpose()
@@ -217,9 +187,13 @@ impl PyController {
 
 impl PyController {
     fn observer(&self) -> Option<&ObserverEnd> {
-        match self.place.end.as_ref()? {
+        match self.place.end()? {
             End::Controller(end) => Some(end.observer()),
             End::Observer(end, _) => Some(end),
         }
     }
+}
+
+fn os_error(error: ServiceError) -> PyErr {
+    PyOSError::new_err(error.to_string())
 }

@@ -2,11 +2,10 @@
 //! observers.
 
 use sarrus_proto::actuators::{ActuatorCommand, ActuatorState, Operation, OperatorRequest};
-use sarrus_proto::bridge::{ControllerEnd, ObserverEnd};
+use sarrus_proto::bridge::{ControllerEnd, ObserverEnd, Place};
 use sarrus_proto::heartbeat::monotonic_ns;
 use sarrus_proto::service::ServiceError;
 use sarrus_proto::watch::BridgeStatistics;
-use sarrus_proto::{Domain, DomainError, DomainNode, Node, ServerName, process_number};
 
 use crate::ConnectError;
 
@@ -35,7 +34,7 @@ impl Controller {
     /// # Errors
     /// No bridge of this name runs, or it has a controller.
     pub fn connect(name: &str, fingerprint: u64) -> Result<Controller, ConnectError> {
-        let place = Place::enter(name, ControllerEnd::open)?;
+        let place = Place::enter(name, ControllerEnd::open).map_err(|why| refused(name, why))?;
         Ok(Controller { place, fingerprint, sequence: 0 })
     }
 
@@ -77,7 +76,8 @@ impl Observer {
     /// # Errors
     /// No bridge of this name runs, or too many watch it.
     pub fn connect(name: &str) -> Result<Observer, ConnectError> {
-        Ok(Observer { place: Place::enter(name, ObserverEnd::open)? })
+        let place = Place::enter(name, ObserverEnd::open).map_err(|why| refused(name, why))?;
+        Ok(Observer { place })
     }
 
     /// The newest state of the actuators, once.
@@ -129,47 +129,4 @@ fn refused(name: &str, error: ServiceError) -> ConnectError {
 /// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in `[ns]`.
 pub fn now_ns() -> u64 {
     monotonic_ns()
-}
-
-/// An end of a bridge's services with the node of this process, dropped before its files are
-/// removed.
-#[derive(Debug)]
-struct Place<E> {
-    end: Option<E>,
-    node: Option<DomainNode>,
-    domain: Domain,
-    /// [`process_number`] of the owner.
-    process: u64,
-}
-
-impl<E> Place<E> {
-    /// A node, and the end of a bridge's services that `open` returns for it.
-    fn enter(
-        name: &str,
-        open: fn(&Node, &ServerName) -> Result<E, ServiceError>,
-    ) -> Result<Place<E>, ConnectError> {
-        let of_domain = |error: DomainError| ConnectError::Service(ServiceError::Domain(error));
-        let server = ServerName::new(name).map_err(of_domain)?;
-        let domain = Domain::of_user().map_err(of_domain)?;
-        let node = domain.node().map_err(of_domain)?;
-        let end = Some(open(&node, &server).map_err(|error| refused(name, error))?);
-        Ok(Place { end, node: Some(node), domain, process: process_number() })
-    }
-
-    /// The end; `None` in a child of the process that connected.
-    fn end(&self) -> Option<&E> {
-        self.end.as_ref().filter(|_| process_number() == self.process)
-    }
-}
-
-impl<E> Drop for Place<E> {
-    fn drop(&mut self) {
-        // the end is still the parent's
-        if self.end().is_none() {
-            return std::mem::forget((self.end.take(), self.node.take()));
-        }
-        self.end = None;
-        self.node = None;
-        self.domain.tidy();
-    }
 }
