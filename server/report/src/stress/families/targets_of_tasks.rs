@@ -112,12 +112,8 @@ fn one(cases: &mut Cases, robot: &Robot, value: f64, asked: &str, target: &Targe
     // else it is one that fails silently
     let status = if is_sound { answer.status } else { Status::Ok };
     let error = (is_sound && has_numbers).then_some(error);
-    cases.all.push(cases.ended(
-        &robot.name,
-        At::of(robot, value),
-        asked,
-        (status, error, is_sound),
-    ));
+    let case = cases.ended(&robot.name, At::of(robot, value), asked, (status, error, is_sound));
+    cases.all.push(case);
     Ok(())
 }
 
