@@ -175,15 +175,8 @@ enum Command {
 /// Runs the command of this process's arguments and returns its exit code.
 pub fn run() -> ExitCode {
     // before any instruction that needs the baseline
-    if let Err(missing) = sarrus_client::processor::check() {
-        eprintln!(
-            "sarrus: this processor has no {missing}; sarrus is built for x86-64-v3 (FMA and \
-             AVX2, processors from 2015 on)"
-        );
-        return ExitCode::from(2);
-    }
-    if let Err(error) = sarrus_client::processor::check_stack() {
-        eprintln!("sarrus: {error}");
+    if let Err(message) = sarrus_client::processor::check_for("sarrus") {
+        eprintln!("{message}");
         return ExitCode::from(2);
     }
     // a write beyond the limit of a file's size fails and ends nothing

@@ -5,23 +5,27 @@ use rustix::process::{Resource, getrlimit};
 /// Least stack of a program's main thread `[byte]`: reading flags and files takes half of it.
 const STACK: u64 = 512 << 10;
 
-/// Programs call this first too, to end with a message instead of a signal.
+/// Programs call this first, to end with a message instead of a signal.
 ///
 /// # Errors
-/// The limit of the stack is too low.
-pub fn check_stack() -> Result<(), SmallStack> {
+/// The message: a feature that the processor lacks, or the limit of the stack.
+pub fn check_for(program: &str) -> Result<(), String> {
+    if let Err(missing) = check() {
+        return Err(format!(
+            "{program}: this processor has no {missing}; {program} is built for x86-64-v3 (FMA and \
+             AVX2, processors from 2015 on)"
+        ));
+    }
     match getrlimit(Resource::Stack).current {
-        Some(limit) if limit < STACK => Err(SmallStack(limit)),
+        Some(limit) if limit < STACK => Err(format!(
+            "{program}: the stack is limited to {limit} bytes, expected {STACK} or more: \
+             `ulimit -s 8192`"
+        )),
         _ => Ok(()),
     }
 }
 
-/// The limit of the stack `[byte]` is too low.
-#[derive(Debug, thiserror::Error)]
-#[error("the stack is limited to {0} bytes, expected {STACK} or more: `ulimit -s 8192`")]
-pub struct SmallStack(u64);
-
-/// Programs built for x86-64-v3 call this first, to end with a message instead of an illegal
+/// Libraries built for x86-64-v3 call this first, to end with a message instead of an illegal
 /// instruction.
 ///
 /// # Errors

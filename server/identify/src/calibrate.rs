@@ -148,13 +148,12 @@ impl Encoder {
         };
         let all: Vec<Encoder> = joints.filter_map(of).collect();
         let independents = model.independent_q_names();
-        let missing = match independents.iter().find(|name| !all.iter().any(|of| of.name == **name))
-        {
-            None if all.len() > independents.len() => return Ok(all),
-            None => "of a dependent joint",
-            Some(name) => name,
-        };
-        let words = format!("found no column {missing} among {}", heads.join(", "));
+        let is_there = |name: &String| all.iter().any(|of| of.name == *name);
+        if all.len() > independents.len() && independents.iter().all(is_there) {
+            return Ok(all);
+        }
+        let [found, joints] = [heads, independents].map(|names| names.join(", "));
+        let words = format!("found the columns {found}, expected {joints} and dependent joints");
         Err(IdentifyError::Log(words))
     }
 }

@@ -80,15 +80,8 @@ enum Command {
 
 fn main() -> ExitCode {
     // before anything that may need it
-    if let Err(missing) = sarrus_client::processor::check() {
-        eprintln!(
-            "sarrus-can: this processor has no {missing}; sarrus-can is built for x86-64-v3 (FMA \
-             and AVX2, processors from 2015 on)"
-        );
-        return ExitCode::from(2);
-    }
-    if let Err(error) = sarrus_client::processor::check_stack() {
-        eprintln!("sarrus-can: {error}");
+    if let Err(message) = sarrus_client::processor::check_for("sarrus-can") {
+        eprintln!("{message}");
         return ExitCode::from(2);
     }
     let code = match Arguments::parse().command {
