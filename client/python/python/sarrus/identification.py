@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from sarrus.excitation import Limits, Search
+
 if TYPE_CHECKING:
     import os
 
+    from sarrus.query import Progress
     from sarrus.robot import Robot
 
 Array = npt.NDArray[np.float64]
@@ -91,6 +94,73 @@ def identify(
         parameters=found["parameters"],
         urdf=urdf,
     )
+
+
+def excite(
+    robot: Robot,
+    *,
+    seconds: float = 10.0,
+    rows: int = 1000,
+    seed: int = 0,
+    harmonics: int = 5,
+    tries: int = 100,
+    share: float = 0.95,
+    reach: Mapping[str, tuple[float, float]] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Array]:
+    """Design a motion that tells the base parameters apart, for `identify`.
+
+    Each independent joint moves by a finite Fourier series about a pose (J. Swevers, C. Ganseman,
+    D. B. Tükel, J. De Schutter, H. Van Brussel: *Optimal robot excitation and identification*, IEEE
+    Transactions on Robotics and Automation 13, 1997),
+
+        y(t) = y_0 + Σ_l a_l sin(l ω t) / (l ω) − b_l cos(l ω t) / (l ω),   ω = 2π / seconds,
+
+    with Σ a_l = 0 and Σ l b_l = 0, so that it begins and ends at rest without acceleration. Drive
+    to its first row before; its last row is its first one, so it may be repeated.
+
+    Of `tries` motions, drawn from `seed`, the first half are independent of each other, the others
+    vary the best one so far. The amplitudes of each shrink until all loops close, with positions
+    and velocities of all joints and forces of all actuators within the middle `share` of their
+    limits. The one that leaves the fewest base parameters without excitation is kept, then the one
+    with the least condition number, as `identify` has it for forces with noise of one size.
+
+    `seconds` is the period, `rows` the number of rows from 0 to `seconds`, `harmonics` the number
+    of l, two or more. `reach` are lowest and highest positions [rad, m] of joints by name, within
+    their limits: of independent joints without limits, and of any that should stay away from
+    something, as collisions are not seen. `progress` gets how many motions are done, and `tries`.
+
+    Gives columns of length `rows`: `t` [s], each independent joint by its name [rad, m], NAME/yd
+    and NAME/ydd. `ValueError`: an independent joint is a ball or floating, or has neither limits
+    nor `reach`; there are fewer actuators than independent joints; no pose is within the limits.
+
+    >>> import sarrus
+    >>> robot = sarrus.Robot.bundled("lambda")
+    >>> motion = sarrus.excite(robot, seconds=4.0, rows=400, tries=8)
+    >>> sorted(motion)
+    ['Elbow', 'Elbow/ydd', 'Elbow/yd', 't']
+    """
+    if progress is not None and not callable(progress):
+        raise TypeError(f"`progress` is {progress!r}, expected a function")
+    for name, value, least in (("rows", rows, 2), ("harmonics", harmonics, 2), ("tries", tries, 1)):
+        if value < least:
+            raise ValueError(f"`{name}` is {value}, expected {least} or more")
+    if not 0 < seconds < np.inf:
+        raise ValueError(f"`seconds` is {seconds}, expected a positive number")
+    if not 0 < share <= 1:
+        raise ValueError(f"`share` is {share}, expected a number above 0, at most 1")
+    limits = Limits(robot, share, reach or {}, threads)
+    search = Search(limits, seconds, harmonics, np.random.default_rng(seed))
+    for done in range(tries):
+        search.draw(vary=2 * done >= tries)
+        if progress is not None:
+            progress(done + 1, tries)
+    y, yd, ydd = search.best(np.linspace(0.0, seconds, rows))
+    motion = {"t": np.linspace(0.0, seconds, rows)}
+    for k, name in enumerate(robot.independents):
+        motion |= {name: y[:, k], f"{name}/yd": yd[:, k], f"{name}/ydd": ydd[:, k]}
+    return motion
 
 
 def _table(log: Any) -> tuple[list[str], list[list[float]]]:

@@ -1,0 +1,250 @@
+"""The search for a motion that excites a robot's base parameters; see `sarrus.excite`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sarrus.query import Array
+from sarrus.status import Status, Warnings
+
+if TYPE_CHECKING:
+    from sarrus.robot import Robot
+
+# part that a scaled column adds to the others below which the motion does not excite it, as in
+# `sarrus.identify`
+EXCITED = 1e-7
+# rows in the period of the highest harmonic at which limits are checked, and times as many at last
+ROWS, FINER = 64, 4
+# rows at which a motion is judged
+JUDGED = 400
+# poses that walk through the limits, and their steps for each joint
+WALKERS, STEPS = 64, 8
+# factors of the amplitudes, and of the coefficients of a varied motion
+SHRINK, GROW, VARY = 0.8, 1.25, 0.3
+
+Motion = tuple[Array, Array, Array]
+
+
+class Limits:
+    """What a robot's motion must stay within."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        share: float,
+        reach: Mapping[str, tuple[float, float]],
+        threads: int | None,
+    ) -> None:
+        """Refuse robots that cannot be excited."""
+        self.robot, self.share, self.threads = robot, share, threads
+        names = list(robot.independents)
+        if names != list(robot.independent_coordinates):
+            plain = set(robot.independent_coordinates)
+            found = ", ".join(name for name in names if name not in plain)
+            raise ValueError(f"found the ball or floating joint {found}, expected single joints")
+        if not names or len(robot.actuators) < len(names):
+            words = f"{len(robot.actuators)} actuators for {len(names)} independent joints"
+            raise ValueError(f"found {words}, expected at least one for each")
+        self.low, self.high = _positions(robot, share, reach)
+        self.velocity = share * robot.limits["velocity"]
+        self.single = [k for k, name in enumerate(robot.joints) if name in set(robot.coordinates)]
+        self.of_q = [robot.coordinates.place(robot.joints[k]) for k in self.single]
+        self.independent = [robot.joints.place(name) for name in names]
+        missing = [
+            name
+            for name, k in zip(names, self.independent, strict=True)
+            if not np.isfinite([self.low[k], self.high[k]]).all()
+        ]
+        if missing:
+            words = f"{', '.join(missing)} has no limits of position"
+            raise ValueError(f"{words}: give `reach={{'{missing[0]}': (LOW, HIGH), …}}`")
+        given, want = ["y", "yd", "ydd"], ["q", "qd", "tau_u", "margin"]
+        self.checked = robot.query("inverse-dynamics", given, want, friction=True)
+        self.regressor = robot.query("inverse-dynamics", given, ["regressor_u"])
+        of_model = robot.query("inverse-dynamics", ["y"], ["base_parameters"])
+        middle = (self.low + self.high)[self.independent] / 2
+        values = of_model.ask([middle], return_status=True)["base_parameters"]
+        self.base = np.flatnonzero(np.isfinite(values))
+
+    def hold(self, motion: Motion) -> np.ndarray:
+        """Tell for each row whether the loops close and all limits hold."""
+        answer = self.checked.ask(motion, None, self.threads)
+        good: np.ndarray = np.equal(answer.status, Status.ok)
+        good &= np.bitwise_and(answer.warnings, int(Warnings.limits_exceeded)) == 0
+        q, rates = answer["q"][:, self.of_q], np.abs(answer["qd"])
+        low, high = self.low[self.single], self.high[self.single]
+        with np.errstate(invalid="ignore"):
+            good &= ((low <= q) & (q <= high)).all(axis=1) & (rates <= self.velocity).all(axis=1)
+            # no number where no force is needed, or nothing limits it
+            good &= ~(np.reshape(answer["margin"], len(good)) < 1 / self.share)
+        return good
+
+    def judge(self, motion: Motion) -> tuple[int, float]:
+        """Give the number of base parameters that are not excited, and the condition number."""
+        columns = self.regressor.ask(motion, None, self.threads)["regressor_u"][..., self.base]
+        return judged(columns.reshape(-1, len(self.base)))
+
+
+def _positions(
+    robot: Robot, share: float, reach: Mapping[str, tuple[float, float]]
+) -> tuple[Array, Array]:
+    """The middle share of the joints' ranges, and within them their reach."""
+    low, high = robot.limits["lower"].copy(), robot.limits["upper"].copy()
+    bounded = np.isfinite(low) & np.isfinite(high)
+    cut = (1 - share) / 2 * (high[bounded] - low[bounded])
+    low[bounded] += cut
+    high[bounded] -= cut
+    plain = set(robot.coordinates)
+    for name, (lower, upper) in reach.items():
+        if name not in robot.joints or name not in plain:
+            raise ValueError(f"`reach` names `{name}`, expected a joint with one coordinate")
+        k = robot.joints.place(name)
+        low[k], high[k] = max(low[k], lower), min(high[k], upper)
+        if not low[k] < high[k]:
+            raise ValueError(f"`reach` of {name} is ({lower}, {upper}), expected a range in limits")
+    return low, high
+
+
+def judged(columns: Array) -> tuple[int, float]:
+    """Count columns that the others tell; condition number of the rest, scaled to length one."""
+    sizes = np.linalg.norm(columns, axis=0)
+    r = np.linalg.qr(columns / np.where(sizes > 0, sizes, 1.0), mode="r")
+    values = np.linalg.svd(r, compute_uv=False)
+    if len(values) == columns.shape[1] and values[-1] > 10 * EXCITED:
+        return 0, float(values[0] / values[-1])
+    # pivots: the column that adds most to those before it
+    rest, kept = r.copy(), []
+    for _ in range(rest.shape[1]):
+        added = np.linalg.norm(rest, axis=0)
+        k = int(np.argmax(added))
+        if added[k] <= EXCITED:
+            break
+        kept.append(k)
+        along = rest[:, k] / added[k]
+        rest -= np.outer(along, along @ rest)
+        rest[:, k] = 0.0
+    condition = np.linalg.cond(r[:, kept]) if kept else 1.0
+    return columns.shape[1] - len(kept), float(condition)
+
+
+class Search:
+    """The best motion so far."""
+
+    def __init__(
+        self, limits: Limits, seconds: float, harmonics: int, random: np.random.Generator
+    ) -> None:
+        """Find poses within the limits."""
+        self.limits, self.seconds, self.random = limits, seconds, random
+        self.harmonics = harmonics
+        self.low, self.high = (x[limits.independent] for x in (limits.low, limits.high))
+        self.times = np.linspace(0.0, seconds, ROWS * harmonics, endpoint=False)
+        self.score = (len(limits.base) + 1, np.inf)
+        self.poses = self._poses()
+
+    def draw(self, vary: bool) -> None:
+        """Try one motion more, a new one or the best one with a change."""
+        n = len(self.low)
+        shape = (2, self.harmonics, n)
+        # velocities of equal size, up to accelerations
+        order = np.arange(1.0, self.harmonics + 1)[:, None]
+        change = order ** self.random.uniform(0.0, 2.0) * self.random.standard_normal(shape)
+        if vary and np.isfinite(self.score[1]):
+            sizes = [np.sqrt(np.mean(x**2, (0, 1))) for x in (self.coefficients, change)]
+            change *= VARY * self.random.uniform() ** 2 * sizes[0] / sizes[1]
+            coefficients, middle = self.coefficients + change, self.middle
+            if self.random.uniform() < 0.5:
+                middle = middle + 0.3 * self.random.uniform() * (self._centre() - middle)
+        else:
+            coefficients, middle = change, self._centre()
+        coefficients = self._fitted(_resting(coefficients), middle)
+        scales = self._scales(coefficients, middle)
+        if scales is None:
+            return
+        coefficients = scales * coefficients
+        times = self.times[:: max(1, len(self.times) // JUDGED)]
+        score = self.limits.judge(self._motion(coefficients, middle, times))
+        if score < self.score:
+            self.score, self.coefficients, self.middle = score, coefficients, middle
+
+    def best(self, times: Array) -> Motion:
+        """The best motion at these times; within the limits between those of the search too."""
+        if not np.isfinite(self.score[1]):
+            raise ValueError("found no motion within the limits: give a smaller `reach`")
+        finer = np.linspace(0.0, self.seconds, FINER * len(self.times), endpoint=False)
+        coefficients = self.coefficients
+        while not self._holds(coefficients, self.middle, finer):
+            coefficients = 0.99 * coefficients
+        return self._motion(coefficients, self.middle, times)
+
+    def _motion(self, coefficients: Array, middle: Array, times: Array) -> Motion:
+        """y, ẏ, ÿ of the series."""
+        rates = 2 * np.pi / self.seconds * np.arange(1, self.harmonics + 1)
+        sine, cosine = np.sin(times[:, None] * rates), np.cos(times[:, None] * rates)
+        a, b = coefficients
+        y = middle + sine / rates @ a - cosine / rates @ b
+        return y, cosine @ a + sine @ b, -(sine * rates) @ a + (cosine * rates) @ b
+
+    def _holds(self, coefficients: Array, middle: Array, times: Array) -> bool:
+        return bool(self.limits.hold(self._motion(coefficients, middle, times)).all())
+
+    def _fitted(self, coefficients: Array, middle: Array) -> Array:
+        """Scale each joint's series to its range about the middle."""
+        y, _, _ = self._motion(coefficients, 0 * middle, self.times)
+        up, down = y.max(axis=0), -y.min(axis=0)
+        fitted: Array = coefficients * np.minimum(
+            (self.high - middle) / up, (middle - self.low) / down
+        )
+        return fitted
+
+    def _scales(self, coefficients: Array, middle: Array) -> Array | None:
+        """Factors of the joints' amplitudes: one for all, until limits hold, then each for itself."""
+        scales = np.ones(len(middle))
+        while not self._holds(scales * coefficients, middle, self.times):
+            scales *= SHRINK
+            if scales[0] < 1e-3:
+                return None
+        for k in np.tile(self.random.permutation(len(middle)), 3):
+            more = scales.copy()
+            more[k] = min(1.0, GROW * scales[k])
+            if more[k] > scales[k] and self._holds(more * coefficients, middle, self.times):
+                scales = more
+        return scales
+
+    def _rest(self, y: Array) -> np.ndarray:
+        """Tell which poses are within the limits at rest."""
+        return self.limits.hold((y, 0 * y, 0 * y))
+
+    def _poses(self) -> Array:
+        """Poses within the limits: each walks along one joint after the other."""
+        n = len(self.low)
+        middle = (self.low + self.high) / 2
+        start = self.random.uniform(self.low, self.high, (4 * WALKERS, n))
+        start[:2] = np.clip(0.0, self.low, self.high), middle
+        start = start[self._rest(start)]
+        if not len(start):
+            raise ValueError("found no pose within the limits: give a `reach` around one")
+        poses = start[np.arange(WALKERS) % len(start)]
+        every = np.arange(WALKERS)
+        for _ in range(STEPS * n):
+            k = self.random.integers(0, n, WALKERS)
+            moved = poses.copy()
+            moved[every, k] = self.random.uniform(self.low[k], self.high[k])
+            poses = np.where(self._rest(moved)[:, None], moved, poses)
+        return poses
+
+    def _centre(self) -> Array:
+        """The mean of some poses, where it is within the limits, else one of them."""
+        few = self.poses[self.random.integers(0, WALKERS, self.random.integers(1, 9))]
+        mean: Array = few.mean(axis=0)
+        pose: Array = mean if self._rest(mean[None])[0] else few[0]
+        return pose
+
+
+def _resting(coefficients: Array) -> Array:
+    """The nearest coefficients whose motion begins without velocity and acceleration."""
+    a, b = coefficients
+    order = np.arange(1.0, len(a) + 1)[:, None]
+    return np.array([a - a.mean(axis=0), b - order * (order * b).sum(axis=0) / (order**2).sum()])

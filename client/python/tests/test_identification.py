@@ -1,0 +1,231 @@
+"""Motions that excite, and estimates from them and from logs of the bridge."""
+
+import re
+import unittest
+
+import numpy as np
+import sarrus
+from sarrus.excitation import Limits
+
+SECONDS, ROWS = 10.0, 400
+PARTS = ("", "/yd", "/ydd")
+
+
+def states(robot, motion):
+    """Rows of y, ẏ and ÿ of a motion."""
+    return tuple(
+        np.column_stack([motion[name + part] for name in robot.independents]) for part in PARTS
+    )
+
+
+def finer(robot, motion, times):
+    """The motion between its rows: the trigonometric polynomial through them, and its rates."""
+    y = states(robot, motion)[0][:-1]
+    n = len(y)
+    rate = 2j * np.pi * np.arange(n // 2 + 1)[:, None] / motion["t"][-1]
+    spectrum = np.fft.rfft(y, axis=0)
+    many = times * n
+    return tuple(times * np.fft.irfft(spectrum * rate**order, many, axis=0) for order in range(3))
+
+
+def sines(robot, random):
+    """A plain sum of sines about the middle of the ranges, as large as the limits let it be."""
+    limits = Limits(robot, 1.0, {}, None)
+    low, high = limits.low[limits.independent], limits.high[limits.independent]
+    rate = 2 * np.pi / SECONDS * np.arange(1, 6)[:, None]
+    size = random.uniform(0.5, 1.5, (5, len(low))) * (high - low) / 10
+    phase = np.linspace(0, SECONDS, ROWS)[:, None, None] * rate + random.uniform(0, 6, size.shape)
+    while True:
+        y, yd, ydd = (
+            np.sum(size * rate**order * wave(phase), axis=1)
+            for order, wave in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+        )
+        motion = (low + high) / 2 + y, yd, ydd
+        if limits.hold(motion).all():
+            return motion
+        size = 0.9 * size
+
+
+def forces(robot, motion):
+    """Forces of the actuators, with friction."""
+    query = robot.query("inverse-dynamics", ["y", "yd", "ydd"], ["tau_u"], friction=True)
+    answer = query.ask(motion)
+    assert not answer.status.any()
+    return answer.tau_u
+
+
+def log_of(robot, motion, tau_u):
+    """Columns of a motion and its forces."""
+    log = {"t": np.linspace(0, SECONDS, len(tau_u))}
+    for part, rows in zip(PARTS, motion, strict=True):
+        log |= {name + part: rows[:, k] for k, name in enumerate(robot.independents)}
+    return log | {f"{name}/tau_u": tau_u[:, k] for k, name in enumerate(robot.actuators)}
+
+
+def with_other_masses(robot, random):
+    """The robot with other masses, inertias and friction, from another URDF."""
+    urdf, submechanisms, _ = robot.origin.contents()
+
+    def other(inertial):
+        factor = float(random.uniform(0.7, 1.4))
+
+        def scaled(number):
+            return f'{number[1]}="{float(number[2]) * factor!r}"'
+
+        return re.sub(r'\b(value|i[xyz]{2})="([^"]*)"', scaled, inertial[0])
+
+    text = re.sub(r"<inertial>.*?</inertial>", other, urdf.decode(), flags=re.DOTALL)
+
+    def rubbing(end):
+        coulomb, viscous = random.uniform(0.1, 1.0, 2).tolist()
+        return f'<dynamics friction="{coulomb!r}" damping="{viscous!r}"/>{end[0]}'
+
+    text = re.sub(r"<dynamics[^>]*/>", "", text)
+    text = re.sub(r"(?<=>)\s*</joint>", rubbing, text)
+    return sarrus.Robot.from_text(text, submechanisms)
+
+
+def base_of(robot):
+    """Values of the base parameters in the model."""
+    middle = np.zeros(len(robot.independents))
+    values = robot.query("inverse-dynamics", ["y"], ["base_parameters"])(y=middle).base_parameters
+    return np.flatnonzero(np.isfinite(values)), values[np.isfinite(values)]
+
+
+class Excites(unittest.TestCase):
+    def test_a_motion_stays_within_limits_between_its_rows_and_begins_and_ends_at_rest(self):
+        for name in ("lambda", "torso", "stewart"):
+            robot = sarrus.Robot.bundled(name)
+            motion = sarrus.excite(robot, seconds=SECONDS, rows=ROWS + 1, tries=20, seed=3)
+            self.assertEqual(motion["t"][[0, -1]].tolist(), [0.0, SECONDS])
+            y, yd, ydd = states(robot, motion)
+            np.testing.assert_allclose(y[0], y[-1], atol=1e-12)
+            np.testing.assert_allclose(np.vstack([yd, ydd])[[0, ROWS, ROWS + 1, -1]], 0, atol=1e-9)
+            between = finer(robot, motion, 10)
+            for rows, found in zip((y, yd, ydd), between, strict=True):
+                np.testing.assert_allclose(rows[:-1], found[::10], atol=1e-9)
+            state, limits = robot.state(*between), robot.limits
+            self.assertTrue(
+                (limits["lower"] <= state.q).all() and (state.q <= limits["upper"]).all()
+            )
+            self.assertTrue((abs(state.qd) <= limits["velocity"]).all(), name)
+            places = [robot.joints.place(actuator) for actuator in robot.actuators]
+            self.assertTrue((abs(forces(robot, between)) <= limits["effort"][places]).all(), name)
+            # and uses them
+            moved = np.ptp(state.q[:, places], axis=0)
+            self.assertGreater(
+                max(moved / np.subtract(limits["upper"], limits["lower"])[places]), 0.6
+            )
+
+    def test_forces_of_weak_motors_and_speeds_are_what_bounds_it(self):
+        robot = sarrus.Robot.bundled("lambda")
+        urdf, submechanisms, _ = robot.origin.contents()
+        fast = sarrus.excite(robot, seconds=2.0, rows=ROWS, tries=10)
+        largest = abs(forces(robot, states(robot, fast))).max()
+        speed = abs(robot.state(*states(robot, fast)).qd).max()
+        for key, old, bound in (("effort", "1000", 0.8 * largest), ("velocity", "10", 0.5 * speed)):
+            text = re.sub(rf'{key}="{old}(\.0)?"', f'{key}="{bound}"', urdf.decode())
+            weak = sarrus.Robot.from_text(text, submechanisms)
+            slow = states(weak, sarrus.excite(weak, seconds=2.0, rows=ROWS, tries=10))
+            answer = weak.query("inverse-dynamics", ["y", "yd", "ydd"], friction=True).ask(slow)
+            self.assertFalse(answer.warnings.any())
+            found = abs(forces(weak, slow)) if key == "effort" else abs(weak.state(*slow).qd)
+            self.assertTrue(0.5 * bound < found.max() <= bound, (key, found.max(), bound))
+
+    def test_it_conditions_better_than_plain_sums_of_sines(self):
+        for name in ("lambda", "torso", "stewart"):
+            robot = sarrus.Robot.bundled(name)
+            judge = Limits(robot, 1.0, {}, None).judge
+            motion = sarrus.excite(robot, seconds=SECONDS, rows=ROWS)
+            found = judge(states(robot, motion))
+            random = np.random.default_rng(3)
+            plain = [judge(sines(robot, random)) for _ in range(5)]
+            self.assertLess(found, min(plain), name)
+
+    def test_its_condition_number_is_that_of_the_estimate(self):
+        robot = sarrus.Robot.bundled("lambda")
+        motion = states(robot, sarrus.excite(robot, rows=ROWS, tries=10))
+        for rows in (motion, tuple(0.01 * part for part in motion)):
+            hidden, condition = Limits(robot, 1.0, {}, None).judge(rows)
+            found = sarrus.identify(robot, log_of(robot, rows, forces(robot, rows)))
+            self.assertAlmostEqual(found.condition / condition, 1.0, places=5)
+            self.assertEqual(np.isnan(found.standard_errors).sum(), hidden)
+
+    def test_other_masses_are_found_from_a_noisy_log_of_it(self):
+        for name in ("lambda", "torso", "ankle"):
+            robot = sarrus.Robot.bundled(name)
+            random = np.random.default_rng(8)
+            other = with_other_masses(robot, random)
+            motion = states(robot, sarrus.excite(robot, seconds=SECONDS, rows=4 * ROWS))
+            tau_u = forces(other, motion)
+            noise = 0.01 * np.sqrt(np.mean(tau_u**2, axis=0))
+            tau_u += noise * random.standard_normal(tau_u.shape)
+            found = sarrus.identify(robot, log_of(robot, motion, tau_u))
+            places, true = base_of(other)
+            np.testing.assert_array_equal(places, base_of(robot)[0])
+            excited = np.isfinite(found.standard_errors)
+            self.assertTrue(excited.all(), name)
+            off = abs(found.values - true) / found.standard_errors
+            self.assertTrue(0.3 < np.mean(off**2) < 2.0, (name, off))
+            self.assertLess(off.max(), 3.0, name)
+            np.testing.assert_allclose(found.noise, noise, rtol=0.1)
+            # the model's own numbers are refuted
+            self.assertGreater(max(abs(found.model - true) / found.standard_errors), 10.0)
+
+    def test_a_seed_is_a_motion(self):
+        robot = sarrus.Robot.bundled("torso")
+        done = []
+        first, same, other = (
+            sarrus.excite(robot, rows=50, tries=6, seed=seed, progress=lambda *x: done.append(x))
+            for seed in (1, 1, 2)
+        )
+        for key in first:
+            np.testing.assert_array_equal(first[key], same[key])
+        self.assertGreater(abs(first["BodyRoll"] - other["BodyRoll"]).max(), 0.01)
+        self.assertEqual(done, [(k + 1, 6) for k in range(6)] * 3)
+
+    def test_a_reach_narrows_the_limits_or_stands_for_them(self):
+        robot = sarrus.Robot.bundled("lambda")
+        reach = {"Elbow": (0.1, 0.5), "ElbowAct": (-0.02, 1.0)}
+        motion = sarrus.excite(robot, rows=50, tries=4, reach=reach)
+        u = robot.to_actuators(motion["Elbow"][:, None]).u
+        self.assertTrue(0.1 <= motion["Elbow"].min() and motion["Elbow"].max() <= 0.5)
+        self.assertTrue(u.min() >= -0.02)
+        urdf, submechanisms, _ = robot.origin.contents()
+        pattern = r'(<joint name="Elbow" type=")revolute(".*?)<limit[^>]*/>'
+        text, count = re.subn(pattern, r"\1continuous\2", urdf.decode(), flags=re.DOTALL)
+        self.assertEqual(count, 1)
+        free = sarrus.Robot.from_text(text, submechanisms)
+        with self.assertRaisesRegex(ValueError, "Elbow has no limits of position: give `reach="):
+            sarrus.excite(free)
+        motion = sarrus.excite(free, rows=50, tries=4, reach={"Elbow": (-0.3, 0.4)})
+        self.assertGreater(np.ptp(motion["Elbow"]), 0.3)
+
+    def test_robots_and_words_that_make_no_motion_are_refused(self):
+        robot = sarrus.Robot.bundled("lambda")
+        for words, wrong in (
+            ("`rows` is 1, expected 2 or more", {"rows": 1}),
+            ("`harmonics` is 1, expected 2 or more", {"harmonics": 1}),
+            ("`tries` is 0, expected 1 or more", {"tries": 0}),
+            ("`seconds` is -1, expected a positive number", {"seconds": -1}),
+            ("`share` is 2, expected a number above 0", {"share": 2}),
+            ("`reach` names `Elba`", {"reach": {"Elba": (0, 1)}}),
+            ("`reach` of Elbow is", {"reach": {"Elbow": (1, 0)}}),
+            ("no pose within the limits", {"reach": {"ElbowAct": (0.08, 0.0800000001)}}),
+        ):
+            with self.assertRaisesRegex(ValueError, words):
+                sarrus.excite(robot, **wrong)
+        with self.assertRaisesRegex(TypeError, "`progress` is 5, expected a function"):
+            sarrus.excite(robot, progress=5)
+        for floating in (
+            sarrus.Robot.bundled("stewart_floating"),
+            sarrus.Robot.bundled("lambda", floating_base=True),
+        ):
+            with self.assertRaisesRegex(ValueError, "floating joint .*, expected single joints"):
+                sarrus.excite(floating)
+        with self.assertRaisesRegex(ValueError, "0 actuators for 0 independent joints"):
+            sarrus.excite(sarrus.Robot.bundled("lambda", lock=["*"]))
+
+
+if __name__ == "__main__":
+    unittest.main()
