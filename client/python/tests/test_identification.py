@@ -189,7 +189,7 @@ class Excites(unittest.TestCase):
         reach = {"Elbow": (0.1, 0.5), "ElbowAct": (-0.02, 1.0)}
         motion = sarrus.excite(robot, rows=50, tries=4, reach=reach)
         u = robot.to_actuators(motion["Elbow"][:, None]).u
-        self.assertTrue(0.1 <= motion["Elbow"].min() and motion["Elbow"].max() <= 0.5)
+        self.assertTrue(motion["Elbow"].min() >= 0.1 and motion["Elbow"].max() <= 0.5)
         self.assertTrue(u.min() >= -0.02)
         urdf, submechanisms, _ = robot.origin.contents()
         pattern = r'(<joint name="Elbow" type=")revolute(".*?)<limit[^>]*/>'

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from sarrus.query import Array
 from sarrus.status import Status, Warnings
@@ -23,9 +24,10 @@ JUDGED = 400
 # poses that walk through the limits, and their steps for each joint
 WALKERS, STEPS = 64, 8
 # factors of the amplitudes, and of the coefficients of a varied motion
-SHRINK, GROW, VARY = 0.8, 1.25, 0.3
+SHRINK, GROW, VARY, ALONE = 0.8, 1.25, 0.6, 3.0
 
 Motion = tuple[Array, Array, Array]
+Rows = npt.NDArray[np.bool_]
 
 
 class Limits:
@@ -69,10 +71,10 @@ class Limits:
         values = of_model.ask([middle], return_status=True)["base_parameters"]
         self.base = np.flatnonzero(np.isfinite(values))
 
-    def hold(self, motion: Motion) -> np.ndarray:
+    def hold(self, motion: Motion) -> Rows:
         """Tell for each row whether the loops close and all limits hold."""
         answer = self.checked.ask(motion, None, self.threads)
-        good: np.ndarray = np.equal(answer.status, Status.ok)
+        good: Rows = np.equal(answer.status, Status.ok)
         good &= np.bitwise_and(answer.warnings, int(Warnings.limits_exceeded)) == 0
         q, rates = answer["q"][:, self.of_q], np.abs(answer["qd"])
         low, high = self.low[self.single], self.high[self.single]
@@ -111,7 +113,7 @@ def _positions(
 def judged(columns: Array) -> tuple[int, float]:
     """Count columns that the others tell; condition number of the rest, scaled to length one."""
     sizes = np.linalg.norm(columns, axis=0)
-    r = np.linalg.qr(columns / np.where(sizes > 0, sizes, 1.0), mode="r")
+    r: Array = np.asarray(np.linalg.qr(columns / np.where(sizes > 0, sizes, 1.0), mode="r"))
     values = np.linalg.svd(r, compute_uv=False)
     if len(values) == columns.shape[1] and values[-1] > 10 * EXCITED:
         return 0, float(values[0] / values[-1])
@@ -140,27 +142,36 @@ class Search:
         self.limits, self.seconds, self.random = limits, seconds, random
         self.harmonics = harmonics
         self.low, self.high = (x[limits.independent] for x in (limits.low, limits.high))
-        self.times = np.linspace(0.0, seconds, ROWS * harmonics, endpoint=False)
+        self.times = np.linspace(0.0, seconds, ROWS * harmonics, endpoint=False, dtype=np.float64)
         self.score = (len(limits.base) + 1, np.inf)
         self.poses = self._poses()
+        self.coefficients: Array = np.zeros((2, harmonics, len(self.low)))
+        self.middle: Array = self.poses[0]
 
     def draw(self, vary: bool) -> None:
         """Try one motion more, a new one or the best one with a change."""
         n = len(self.low)
-        shape = (2, self.harmonics, n)
-        # velocities of equal size, up to accelerations
+        vary = vary and bool(np.isfinite(self.score[1]))
+        # sines of equal size of positions, up to velocities
         order = np.arange(1.0, self.harmonics + 1)[:, None]
-        change = order ** self.random.uniform(0.0, 2.0) * self.random.standard_normal(shape)
-        if vary and np.isfinite(self.score[1]):
-            sizes = [np.sqrt(np.mean(x**2, (0, 1))) for x in (self.coefficients, change)]
-            change *= VARY * self.random.uniform() ** 2 * sizes[0] / sizes[1]
-            coefficients, middle = self.coefficients + change, self.middle
+        phase = self.random.uniform(0.0, 2 * np.pi, (self.harmonics, n))
+        size = self.random.uniform(0.5, 1.5, phase.shape) * order ** self.random.uniform(1.0, 2.0)
+        change = size * np.array([np.cos(phase), np.sin(phase)])
+        if vary:
+            old, new = (np.sqrt(np.mean(x**2, (0, 1))) for x in (self.coefficients, change))
+            change *= VARY * self.random.uniform() ** 2 * old / new
+            # of all joints, or more of one
             if self.random.uniform() < 0.5:
-                middle = middle + 0.3 * self.random.uniform() * (self._centre() - middle)
+                change *= ALONE * (np.arange(n) == self.random.integers(n))
+            coefficients, middle = self.coefficients + change, self.middle
+            if self.random.uniform() < 0.2:
+                middle = middle + VARY * self.random.uniform() * (self._centre() - middle)
         else:
             coefficients, middle = change, self._centre()
-        coefficients = self._fitted(_resting(coefficients), middle)
-        scales = self._scales(coefficients, middle)
+        coefficients = _resting(coefficients)
+        most = self._most(coefficients, middle)
+        start = np.minimum(1.0, most) if vary else most
+        scales = self._scales(coefficients, middle, start, most)
         if scales is None:
             return
         coefficients = scales * coefficients
@@ -173,7 +184,7 @@ class Search:
         """The best motion at these times; within the limits between those of the search too."""
         if not np.isfinite(self.score[1]):
             raise ValueError("found no motion within the limits: give a smaller `reach`")
-        finer = np.linspace(0.0, self.seconds, FINER * len(self.times), endpoint=False)
+        finer = self.times[1] / FINER * np.arange(FINER * len(self.times))
         coefficients = self.coefficients
         while not self._holds(coefficients, self.middle, finer):
             coefficients = 0.99 * coefficients
@@ -190,30 +201,30 @@ class Search:
     def _holds(self, coefficients: Array, middle: Array, times: Array) -> bool:
         return bool(self.limits.hold(self._motion(coefficients, middle, times)).all())
 
-    def _fitted(self, coefficients: Array, middle: Array) -> Array:
-        """Scale each joint's series to its range about the middle."""
+    def _most(self, coefficients: Array, middle: Array) -> Array:
+        """Factors with which the joints' series fill their ranges about the middle."""
         y, _, _ = self._motion(coefficients, 0 * middle, self.times)
-        up, down = y.max(axis=0), -y.min(axis=0)
-        fitted: Array = coefficients * np.minimum(
-            (self.high - middle) / up, (middle - self.low) / down
-        )
-        return fitted
+        up, down = (self.high - middle) / y.max(axis=0), (middle - self.low) / -y.min(axis=0)
+        most: Array = np.minimum(up, down)
+        return most
 
-    def _scales(self, coefficients: Array, middle: Array) -> Array | None:
-        """Factors of the joints' amplitudes: one for all, until limits hold, then each for itself."""
-        scales = np.ones(len(middle))
+    def _scales(
+        self, coefficients: Array, middle: Array, start: Array, most: Array
+    ) -> Array | None:
+        """Factors of amplitudes: smaller for all until limits hold, then larger joint by joint."""
+        scales, smallest = start, 1e-3 * start
         while not self._holds(scales * coefficients, middle, self.times):
-            scales *= SHRINK
-            if scales[0] < 1e-3:
+            scales = SHRINK * scales
+            if (scales < smallest).all():
                 return None
         for k in np.tile(self.random.permutation(len(middle)), 3):
             more = scales.copy()
-            more[k] = min(1.0, GROW * scales[k])
+            more[k] = min(most[k], GROW * scales[k])
             if more[k] > scales[k] and self._holds(more * coefficients, middle, self.times):
                 scales = more
         return scales
 
-    def _rest(self, y: Array) -> np.ndarray:
+    def _rest(self, y: Array) -> Rows:
         """Tell which poses are within the limits at rest."""
         return self.limits.hold((y, 0 * y, 0 * y))
 
@@ -226,7 +237,7 @@ class Search:
         start = start[self._rest(start)]
         if not len(start):
             raise ValueError("found no pose within the limits: give a `reach` around one")
-        poses = start[np.arange(WALKERS) % len(start)]
+        poses: Array = start[np.arange(WALKERS) % len(start)]
         every = np.arange(WALKERS)
         for _ in range(STEPS * n):
             k = self.random.integers(0, n, WALKERS)

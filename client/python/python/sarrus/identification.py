@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from sarrus.excitation import Limits, Search
+from sarrus.logs import table
 
 if TYPE_CHECKING:
     import os
@@ -55,14 +53,22 @@ class Identification:
 def identify(
     robot: Robot,
     log: str | os.PathLike[str] | Mapping[str, npt.ArrayLike],
+    *,
+    config: str | os.PathLike[str] | None = None,
 ) -> Identification:
     """Estimate masses, inertias and friction of a robot from a motion.
 
     `log` is a table with the columns `t`, each independent joint by its name, its velocity as
     NAME/yd, its acceleration as NAME/ydd, and the force of each motor as NAME/tau_u: a file of
     CSV, one of Parquet (`.parquet`, read by pyarrow), or arrays by these names. Without
-    accelerations rates come from cubics through fifteen rows each. `ValueError`: a column is
-    missing, a state has no answer, or the motion is too short.
+    accelerations rates come from cubics through fifteen rows each.
+
+    A log of the CAN bridge does as well: the table of `sarrus-can log CONFIG FILE --csv`, or FILE
+    itself with the bridge's configuration as `config`. Its columns `time`, ACTUATOR/position,
+    ACTUATOR/effort and ACTUATOR/state are read: the longest stretch in which all actuators of the
+    robot are `enabled` and measure, as means over 10 ms. Poses are followed from one to the next.
+
+    `ValueError`: a column is missing, a state has no answer, or the motion is too short.
 
     >>> import numpy as np, sarrus
     >>> robot = sarrus.Robot.bundled("lambda")
@@ -75,8 +81,9 @@ def identify(
     >>> bool(np.nanmax(abs(found.values - found.model)) < 1e-6)
     True
     """
-    heads, rows = _table(log)
-    text, urdf = robot._identify(heads, rows)
+    columns = table(robot, log, config)
+    rows: list[list[float]] = np.column_stack(list(columns.values())).tolist()
+    text, urdf = robot._identify(list(columns), rows)
     found: dict[str, Any] = json.loads(text)
     base = found["base"]
 
@@ -120,11 +127,11 @@ def excite(
     with Σ a_l = 0 and Σ l b_l = 0, so that it begins and ends at rest without acceleration. Drive
     to its first row before; its last row is its first one, so it may be repeated.
 
-    Of `tries` motions, drawn from `seed`, the first half are independent of each other, the others
-    vary the best one so far. The amplitudes of each shrink until all loops close, with positions
-    and velocities of all joints and forces of all actuators within the middle `share` of their
-    limits. The one that leaves the fewest base parameters without excitation is kept, then the one
-    with the least condition number, as `identify` has it for forces with noise of one size.
+    Of `tries` motions, drawn from `seed`, the first quarter are new, the others vary the best one.
+    The amplitudes of each shrink until all loops close, with positions and velocities of all joints
+    and forces of all actuators within the middle `share` of their limits. The one that leaves the
+    fewest base parameters without excitation is kept, of equal ones the one with the least
+    condition number, as `identify` has it for forces with noise of one size.
 
     `seconds` is the period, `rows` the number of rows from 0 to `seconds`, `harmonics` the number
     of l, two or more. `reach` are lowest and highest positions [rad, m] of joints by name, within
@@ -153,25 +160,12 @@ def excite(
     limits = Limits(robot, share, reach or {}, threads)
     search = Search(limits, seconds, harmonics, np.random.default_rng(seed))
     for done in range(tries):
-        search.draw(vary=2 * done >= tries)
+        search.draw(vary=4 * done >= tries)
         if progress is not None:
             progress(done + 1, tries)
-    y, yd, ydd = search.best(np.linspace(0.0, seconds, rows))
-    motion = {"t": np.linspace(0.0, seconds, rows)}
+    t = np.linspace(0.0, seconds, rows, dtype=np.float64)
+    y, yd, ydd = search.best(t)
+    motion: dict[str, Array] = {"t": t}
     for k, name in enumerate(robot.independents):
         motion |= {name: y[:, k], f"{name}/yd": yd[:, k], f"{name}/ydd": ydd[:, k]}
     return motion
-
-
-def _table(log: Any) -> tuple[list[str], list[list[float]]]:
-    if not isinstance(log, Mapping):
-        path = Path(log)
-        if path.suffix == ".parquet":
-            parquet: Any = importlib.import_module("pyarrow.parquet")
-            log = parquet.read_table(path).to_pydict()
-        else:
-            with path.open(newline="", encoding="utf-8") as file:
-                heads, *rows = list(csv.reader(file))
-            return [head.strip() for head in heads], [[float(x) for x in row] for row in rows]
-    columns = [np.asarray(column, float) for column in log.values()]
-    return list(log), np.column_stack(columns).tolist()
