@@ -1,10 +1,15 @@
 """Motions that excite, and estimates from them and from logs of the bridge."""
 
+import csv
+import json
 import re
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 import sarrus
+from sarrus import _native, logs
 from sarrus.excitation import Limits
 
 SECONDS, ROWS = 10.0, 400
@@ -225,6 +230,122 @@ class Excites(unittest.TestCase):
                 sarrus.excite(floating)
         with self.assertRaisesRegex(ValueError, "0 actuators for 0 independent joints"):
             sarrus.excite(sarrus.Robot.bundled("lambda", lock=["*"]))
+
+
+GEAR, RATE, POSITION, SPEED, TORQUE = 100.0, 500, 12.5, 100.0, 2.0
+MOTOR = f"""
+- actuator: {{name}}
+  bus: one
+  drive: {{{{protocol: mit, variant: mini_cheetah, id: {{id}}, reply_id: 0, torque_range: {TORQUE},
+    position_range: {POSITION}, velocity_range: {SPEED}, stiffness_range: 50, damping_range: 5}}}}
+  gear: {GEAR}
+  offset: 0
+  limits: {{{{position: [-0.1, 0.1], effort: 190, velocity: 0.9}}}}
+  damping: 100
+  watchdog_ms: 100
+  watchdog: believed
+"""
+
+
+def answer_of_motor(place, u, ud, tau_u):
+    """A frame of a mini cheetah that measures this, in the codes of its protocol."""
+
+    def code(value, most, bits):
+        return round((value / most + 1) / 2 * ((1 << bits) - 1))
+
+    torque = code(tau_u / GEAR, TORQUE, 12)
+    number = code(u * GEAR, POSITION, 16) << 24 | code(ud * GEAR, SPEED, 12) << 12 | torque
+    return f"000#{(place + 1 << 40 | number):012X}"
+
+
+def run_of_bridge(robot, other, motion, folder):
+    """Configuration and log of a bridge whose motors move another robot, which follows exactly."""
+    config, log = folder / "robot.yml", folder / "run.jsonl"
+    text = f"rate_hz: {RATE}\nbuses:\n- {{name: one, interface: virtual, channel: one}}\nmotors:"
+    # in an order of its own
+    order = [*reversed(range(len(robot.actuators)))]
+    text += "".join(MOTOR.format(name=robot.actuators[k], id=k + 1) for k in order)
+    config.write_text(text)
+    # holds for two seconds, moves, and holds
+    rows = [np.vstack([part[[0] * (2 * RATE)], part, part[[-1] * RATE]]) for part in motion]
+    moved = robot.to_actuators(*rows[:2])
+    tau_u = forces(other, rows)
+    bridge = _native.Bridge(_native.Configuration.load(config))
+    lines = []
+
+    def add(line):
+        lines.append(line)
+        return bridge.replay(json.dumps(line))[0]
+
+    for k, (u, ud, effort) in enumerate(zip(moved.u, moved.ud, tau_u, strict=True)):
+        t = 10**9 + k * 10**9 // RATE
+        asked = {"sequence": k + 1, "stamp_ns": t, "position": u, "velocity": ud, "effort": effort}
+        asked |= {"stiffness": np.full(2, 5e4), "damping": np.full(2, 1e3)}
+        command = {
+            key: value if np.ndim(value) == 0 else value[order].tolist()
+            for key, value in asked.items()
+        }
+        add({"t": t, "command": command})
+        if k == RATE // 2:
+            add({"t": t, "operate": "arm"})
+        # a motor answers each frame
+        for frame in add({"t": t, "cycle": True}):
+            place = int(re.search(r"00([12])#", frame)[1]) - 1
+            answer = answer_of_motor(place, u[place], ud[place], effort[place])
+            add({"t": t + 300_000, "frame": answer, "bus": "one"})
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return config, log
+
+
+class Bridge(unittest.TestCase):
+    def test_a_log_of_a_bridge_gives_the_masses_of_the_robot_that_it_moved(self):
+        robot = sarrus.Robot.bundled("torso")
+        other = with_other_masses(robot, np.random.default_rng(5))
+        rows = int(SECONDS * RATE)
+        motion = states(robot, sarrus.excite(robot, seconds=SECONDS, rows=rows, tries=30))
+        with tempfile.TemporaryDirectory() as folder:
+            config, log = run_of_bridge(robot, other, motion, Path(folder))
+            columns = logs.replayed(config, log)
+            found = sarrus.identify(robot, log, config=config)
+            # the table of `sarrus-can log --csv`: no number is an empty cell, commands go unread
+            path = Path(folder, "run.csv")
+            with path.open("w", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow([*columns, "BodyActL/commanded_effort", "BodyActL/reason"])
+                for row in zip(*columns.values(), strict=True):
+                    known = ("" if x != x else x for x in row)
+                    writer.writerow([*known, "", "none"])
+            same = sarrus.identify(robot, path)
+        np.testing.assert_array_equal(found.values, same.values)
+        state = columns["BodyActL/state"]
+        self.assertEqual([state[0], state[-1]], ["disabled", "enabled"])
+        table = logs.measured(robot, columns)
+        start, end = table["t"][[0, -1]]
+        self.assertTrue(start == 0 and SECONDS + 2 < end < SECONDS + 3, end)
+        # means of y are those of the motion, and rates come from them
+        self.assertLess(abs(table["BodyRoll"].max() - motion[0][:, 1].max()), 1e-3)
+        columns = robot.query("inverse-dynamics", ["y", "yd", "ydd"], ["regressor_u"])
+        explained = columns.ask(motion).regressor_u[..., base_of(robot)[0]]
+        true = forces(other, motion)
+        for values, least, most in ((found.values, 0.0, 0.02), (found.model, 0.1, np.inf)):
+            off = np.linalg.norm(explained @ values - true) / np.linalg.norm(true)
+            self.assertTrue(least <= off < most, off)
+
+    def test_logs_that_tell_nothing_are_refused(self):
+        robot = sarrus.Robot.bundled("lambda")
+        n = 200
+        log = {"time": 0.001 * np.arange(n), "ElbowAct/position": np.full(n, 0.01)}
+        with self.assertRaisesRegex(ValueError, "no column `ElbowAct/effort`"):
+            sarrus.identify(robot, log)
+        log["ElbowAct/effort"] = np.full(n, np.nan)
+        with self.assertRaisesRegex(ValueError, "no cycle in which all actuators are enabled"):
+            sarrus.identify(robot, log)
+        log |= {"ElbowAct/effort": np.zeros(n), "ElbowAct/state": ["fault"] * n}
+        with self.assertRaisesRegex(ValueError, "no cycle in which all actuators are enabled"):
+            sarrus.identify(robot, log)
+        log |= {"ElbowAct/position": np.full(n, 3.0), "ElbowAct/state": ["enabled"] * n}
+        with self.assertRaisesRegex(ValueError, "no pose with the actuators at .*: unreachable"):
+            sarrus.identify(robot, log)
 
 
 if __name__ == "__main__":
