@@ -146,7 +146,7 @@ def excite(
     >>> robot = sarrus.Robot.bundled("lambda")
     >>> motion = sarrus.excite(robot, seconds=4.0, rows=400, tries=8)
     >>> sorted(motion)
-    ['Elbow', 'Elbow/ydd', 'Elbow/yd', 't']
+    ['Elbow', 'Elbow/yd', 'Elbow/ydd', 't']
     """
     if progress is not None and not callable(progress):
         raise TypeError(f"`progress` is {progress!r}, expected a function")

@@ -24,26 +24,44 @@ EVERY = 0.01
 
 
 def table(robot: Robot, log: Any, config: str | os.PathLike[str] | None) -> dict[str, Array]:
-    """The columns of a log, those of a bridge as `sarrus.identify` takes them."""
+    """The columns of a log that `sarrus.identify` reads, also of a log of a bridge."""
     if config is not None:
         columns = replayed(config, log)
     elif isinstance(log, Mapping):
         columns = dict(log)
     elif Path(log).suffix == ".parquet":
-        parquet: Any = importlib.import_module("pyarrow.parquet")
-        columns = parquet.read_table(Path(log)).to_pydict()
+        columns = _of_parquet(Path(log))
     else:
-        columns = _of_csv(Path(log))
+        columns = of_csv(log)
     wanted = [f"{name}/{part}" for name in robot.actuators for part in ("position", "effort")]
     if "time" in columns and any(name in columns for name in wanted):
         if missing := [name for name in wanted if name not in columns]:
             raise ValueError(f"found no column `{'`, `'.join(missing)}` in the log of a bridge")
         columns = measured(robot, columns)
-    return {name: _numbers(column, name) for name, column in columns.items()}
+    known = {"t", *robot.independent_coordinates}
+    known |= {f"{name}/{rate}" for name in robot.independents for rate in ("yd", "ydd")}
+    known |= {f"{name}/tau_u" for name in robot.actuators}
+    found = {name: numbers(columns[name], name) for name in columns if name in known}
+    for name, column in found.items():
+        if not (good := np.isfinite(column)).all():
+            raise ValueError(f"column `{name}` has no finite number in row {np.argmin(good)}")
+    if not found:
+        raise ValueError(f"found {', '.join(columns)}, expected columns such as {min(known)}")
+    return found
 
 
-def _of_csv(path: Path) -> dict[str, Sequence[Any]]:
-    with path.open(newline="", encoding="utf-8") as file:
+def _of_parquet(path: Path) -> dict[str, Sequence[Any]]:
+    try:
+        parquet: Any = importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise ImportError("Parquet needs pyarrow: pip install 'sarrus[parquet]'") from error
+    columns: dict[str, Sequence[Any]] = parquet.ParquetFile(path).read().to_pydict()
+    return columns
+
+
+def of_csv(path: str | os.PathLike[str]) -> dict[str, Sequence[Any]]:
+    """The columns of a table, as texts."""
+    with Path(path).open(newline="", encoding="utf-8") as file:
         heads, *rows = [row for row in csv.reader(file) if row]
     for k, row in enumerate(rows):
         if len(row) != len(heads):
@@ -52,8 +70,8 @@ def _of_csv(path: Path) -> dict[str, Sequence[Any]]:
     return {head.strip(): [row[k] for row in rows] for k, head in enumerate(heads)}
 
 
-def _numbers(column: Any, name: str) -> Array:
-    """A column of numbers; an empty cell of a text is no number."""
+def numbers(column: Any, name: str) -> Array:
+    """A column as numbers; an empty cell is no number."""
     try:
         if isinstance(column, np.ndarray):
             return column.astype(np.float64)
@@ -87,9 +105,9 @@ def measured(robot: Robot, columns: Mapping[str, Any]) -> dict[str, Any]:
     Means over `EVERY` seconds; y is the pose with these u, from the one before it.
     """
     names = list(robot.actuators)
-    times = _numbers(columns["time"], "time")
+    times = numbers(columns["time"], "time")
     u, tau_u = (
-        np.column_stack([_numbers(columns[f"{name}/{part}"], f"{name}/{part}") for name in names])
+        np.column_stack([numbers(columns[f"{name}/{part}"], f"{name}/{part}") for name in names])
         for part in ("position", "effort")
     )
     good = np.isfinite(np.hstack([u, tau_u])).all(axis=1)
