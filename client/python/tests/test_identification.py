@@ -203,7 +203,7 @@ class Excites(unittest.TestCase):
         text, count = re.subn(pattern, r"\1continuous\2", urdf.decode(), flags=re.DOTALL)
         self.assertEqual(count, 1)
         free = sarrus.Robot.from_text(text, submechanisms)
-        with self.assertRaisesRegex(ValueError, "Elbow has no limits of position: give `reach="):
+        with self.assertRaisesRegex(ValueError, "no limits of position of Elbow: give `reach="):
             sarrus.excite(free)
         motion = sarrus.excite(free, rows=50, tries=10, reach={"Elbow": (-0.3, 0.4)})
         self.assertGreater(np.ptp(motion["Elbow"]), 0.3)
@@ -228,7 +228,7 @@ class Excites(unittest.TestCase):
             sarrus.Robot.bundled("stewart_floating"),
             sarrus.Robot.bundled("lambda", floating_base=True),
         ):
-            with self.assertRaisesRegex(ValueError, "floating joint .*, expected single joints"):
+            with self.assertRaisesRegex(ValueError, "floating joint [^/]*, expected joints with"):
                 sarrus.excite(floating)
         with self.assertRaisesRegex(ValueError, "0 actuators for 0 independent joints"):
             sarrus.excite(sarrus.Robot.bundled("lambda", lock=["*"]))

@@ -45,8 +45,9 @@ class Limits:
         names = list(robot.independents)
         if names != list(robot.independent_coordinates):
             plain = set(robot.independent_coordinates)
-            found = ", ".join(name for name in names if name not in plain)
-            raise ValueError(f"found the ball or floating joint {found}, expected single joints")
+            found = dict.fromkeys(name.rsplit("/", 1)[0] for name in names if name not in plain)
+            words = f"found the ball or floating joint {', '.join(found)}"
+            raise ValueError(f"{words}, expected joints with one coordinate")
         if not names or len(robot.actuators) < len(names):
             words = f"{len(robot.actuators)} actuators for {len(names)} independent joints"
             raise ValueError(f"found {words}, expected at least one for each")
@@ -61,15 +62,13 @@ class Limits:
             if not np.isfinite([self.low[k], self.high[k]]).all()
         ]
         if missing:
-            words = f"{', '.join(missing)} has no limits of position"
+            words = f"found no limits of position of {', '.join(missing)}"
             raise ValueError(f"{words}: give `reach={{'{missing[0]}': (LOW, HIGH), …}}`")
         given, want = ["y", "yd", "ydd"], ["q", "qd", "tau_u", "margin"]
         self.checked = robot.query("inverse-dynamics", given, want, friction=True)
         self.regressor = robot.query("inverse-dynamics", given, ["regressor_u"])
-        of_model = robot.query("inverse-dynamics", ["y"], ["base_parameters"])
-        middle = (self.low + self.high)[self.independent] / 2
-        values = of_model.ask([middle], return_status=True)["base_parameters"]
-        self.base = np.flatnonzero(np.isfinite(values))
+        self.of_model = robot.query("inverse-dynamics", ["y"], ["base_parameters"])
+        self.base: list[int] = []
 
     def hold(self, motion: Motion) -> Rows:
         """Tell for each row whether the loops close and all limits hold."""
@@ -86,6 +85,9 @@ class Limits:
 
     def judge(self, motion: Motion) -> tuple[int, float]:
         """Give the number of base parameters that are not excited, and the condition number."""
+        if not self.base:
+            values = self.of_model.ask([motion[0][0]])["base_parameters"]
+            self.base = np.flatnonzero(np.isfinite(values)).tolist()
         columns = self.regressor.ask(motion, None, self.threads)["regressor_u"][..., self.base]
         return judged(columns.reshape(-1, len(self.base)))
 
@@ -143,7 +145,7 @@ class Search:
         self.harmonics = harmonics
         self.low, self.high = (x[limits.independent] for x in (limits.low, limits.high))
         self.times = np.linspace(0.0, seconds, ROWS * harmonics, endpoint=False, dtype=np.float64)
-        self.score = (len(limits.base) + 1, np.inf)
+        self.score: tuple[float, float] = (np.inf, np.inf)
         self.poses = self._poses()
         self.coefficients: Array = np.zeros((2, harmonics, len(self.low)))
         self.middle: Array = self.poses[0]
@@ -151,7 +153,7 @@ class Search:
     def draw(self, vary: bool) -> None:
         """Try one motion more, a new one or the best one with a change."""
         n = len(self.low)
-        vary = vary and bool(np.isfinite(self.score[1]))
+        vary = vary and bool(np.isfinite(self.score[0]))
         # sines of equal size of positions, up to velocities
         order = np.arange(1.0, self.harmonics + 1)[:, None]
         phase = self.random.uniform(0.0, 2 * np.pi, (self.harmonics, n))
@@ -182,7 +184,7 @@ class Search:
 
     def best(self, times: Array) -> Motion:
         """The best motion at these times; within the limits between those of the search too."""
-        if not np.isfinite(self.score[1]):
+        if not np.isfinite(self.score[0]):
             raise ValueError("found no motion within the limits: give a smaller `reach`")
         finer = self.times[1] / FINER * np.arange(FINER * len(self.times))
         coefficients = self.coefficients

@@ -136,7 +136,8 @@ def excite(
     `seconds` is the period, `rows` the number of rows from 0 to `seconds`, `harmonics` the number
     of l, two or more. `reach` are lowest and highest positions [rad, m] of joints by name, within
     their limits: of independent joints without limits, and of any that should stay away from
-    something, as collisions are not seen. `progress` gets how many motions are done, and `tries`.
+    something, as collisions are not seen. `progress` gets how many motions are done, and `tries`:
+    two joints take seconds, a humanoid minutes.
 
     Gives columns of length `rows`: `t` [s], each independent joint by its name [rad, m], NAME/yd
     and NAME/ydd. `ValueError`: an independent joint is a ball or floating, or has neither limits
