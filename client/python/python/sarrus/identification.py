@@ -68,7 +68,7 @@ def identify(
     ACTUATOR/effort and ACTUATOR/state are read: the longest stretch in which all actuators of the
     robot are `enabled` and measure, as means over 10 ms. Poses are followed from one to the next.
 
-    `ValueError`: a column is missing, a state has no answer, or the motion is too short.
+    `ValueError`: a column or number is missing, a state has no answer, or the motion is too short.
 
     >>> import numpy as np, sarrus
     >>> robot = sarrus.Robot.bundled("lambda")
