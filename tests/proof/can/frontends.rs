@@ -47,6 +47,23 @@ fn both_fronts_give_the_bytes_of_the_library_for_one_log() {
     assert!(positions.iter().zip(&session.positions()).all(same), "{positions:?}");
     assert!(positions.iter().any(|x| x.is_finite()));
     assert_eq!(named("/reason").len(), N_U);
+    // `sarrus.identify` reads the same columns from the table and from the log
+    let path = stage.folder.join("table.csv");
+    std::fs::write(&path, &table).unwrap();
+    let script = "import sys\nimport numpy as np\nfrom sarrus import logs\n\
+        ours = logs.replayed(*sys.argv[1:3])\n\
+        theirs = logs.of_csv(sys.argv[3])\n\
+        assert len(ours) > 4 and ours.keys() < theirs.keys(), theirs.keys()\n\
+        for name, column in ours.items():\n    \
+            if name.endswith('/state'):\n        \
+                assert list(column) == theirs[name], name\n        \
+                continue\n    \
+            a, b = (logs.numbers(x, name) for x in (column, theirs[name]))\n    \
+            b = b - b[0] if name == 'time' else b\n    \
+            np.testing.assert_allclose(a, b, rtol=0, atol=2e-9 * (name == 'time'))\n";
+    let arguments = ["-c", script, &stage.configuration, log, path.to_str().unwrap()];
+    let output = environment().command(&arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         StateError,
         StateWarning,
     )
-    from sarrus.identification import Identification, identify
+    from sarrus.identification import Identification, excite, identify
     from sarrus.limits import Capability, capability
     from sarrus.names import Names
     from sarrus.query import Answer, Query
@@ -63,13 +63,14 @@ __all__ = [
     "__version__",
     "bundled",
     "capability",
+    "excite",
     "identify",
     "policy",
 ]
 
 _MODULES = {
     "errors": ("ConnectError", "Error", "LoadError", "QueryError", "StateError", "StateWarning"),
-    "identification": ("Identification", "identify"),
+    "identification": ("Identification", "excite", "identify"),
     "limits": ("Capability", "capability"),
     "names": ("Names",),
     "query": ("Answer", "Query"),
