@@ -13,7 +13,7 @@ const REPEATS: usize = 2;
 pub(super) fn of(names: &[String]) -> Outcome<Vec<Option<f64>>> {
     let mut counts = Vec::new();
     for some in names.chunks(available_parallelism()?.get()) {
-        let Ok(running) = some.iter().map(start).collect::<Result<Vec<_>, _>>() else {
+        let Ok(running) = some.iter().map(|name| start(name)).collect::<Result<Vec<_>, _>>() else {
             eprintln!("instructions not counted: valgrind does not start");
             return Ok(vec![None; names.len()]);
         };
@@ -24,7 +24,7 @@ pub(super) fn of(names: &[String]) -> Outcome<Vec<Option<f64>>> {
     Ok(counts)
 }
 
-fn start(name: &String) -> std::io::Result<Child> {
+fn start(name: &str) -> std::io::Result<Child> {
     let mut command = Command::new("valgrind");
     command.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]);
     command.arg("--toggle-collect=sarrus_benches::*::passes*");
