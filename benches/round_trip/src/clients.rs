@@ -102,8 +102,8 @@ impl Run {
 fn table(runs: &[Run]) -> Table {
     let row = |run: &Run| {
         let [in_turn, at_rate] = [&run.in_turn, &run.at_rate].map(|times| {
-            let [p50, p99, ..] = cells(times);
-            [p50, p99]
+            let [p10, p50, p99, _] = cells(times);
+            [p10, p50, p99]
         });
         [&[run.clients.to_string()][..], &in_turn, &at_rate].concat()
     };
@@ -113,7 +113,7 @@ fn table(runs: &[Run]) -> Table {
     ];
     Table {
         title: "Inverse dynamics of the upper body through lanes".to_owned(),
-        columns: vec!["clients", "in turn p50", "p99", "at 250 Hz p50", "p99"],
+        columns: vec!["clients", "in turn p10", "p50", "p99", "at 250 Hz p10", "p50", "p99"],
         n_text: 0,
         rows: runs.iter().map(row).collect(),
         notes: notes.map(str::to_owned).into(),
