@@ -232,7 +232,8 @@ pub(crate) fn quantiles(times: &Histogram<u64>) -> Value {
     let at = |quantile| times.value_at_quantile(quantile);
     json!({
         "count": times.len(),
-        "p10_ns": at(0.1), "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99), "p99_9_ns": at(0.999),
+        "p10_ns": at(0.1), "p50_ns": at(0.5), "p90_ns": at(0.9), "p99_ns": at(0.99),
+        "p99_9_ns": at(0.999),
         "max_ns": times.max(),
     })
 }

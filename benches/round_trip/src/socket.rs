@@ -1,4 +1,4 @@
-//! The same bytes there and back through a Unix-domain socket between two processes that wait in
+//! The floor's bytes there and back through a Unix-domain socket between two processes that wait in
 //! the kernel.
 
 use std::io::{Read, Write};
