@@ -68,7 +68,7 @@ fn starts(robot: &Robot, variant: &Variant) -> &'static [Start] {
 const LARGEST_SQUARE: usize = 100;
 
 impl<'a> Case<'a> {
-    fn new(
+    pub(crate) fn new(
         robot: &'a Robot,
         variant: usize,
         start: Start,

@@ -9,6 +9,7 @@ use sarrus_report::robots::{Robot, Subject};
 use crate::batches::Many;
 use crate::bridge;
 use crate::cases::{self, Case};
+use crate::scaling;
 
 /// States that the calls go through in turn.
 const STATES: usize = 16;
@@ -22,6 +23,9 @@ pub fn run(count: &[String]) -> Outcome {
     let [name, repeats] = count else { return Err("--count takes a case and a number".into()) };
     let repeats: usize = repeats.parse()?;
     if let Some(outcome) = bridge::run(name, repeats) {
+        return outcome;
+    }
+    if let Some(outcome) = scaling::count(name, repeats) {
         return outcome;
     }
     let unknown = || format!("no case `{name}`; `--list` names them all");
@@ -54,9 +58,9 @@ pub fn run(count: &[String]) -> Outcome {
 /// The only function whose instructions are counted: loading a robot takes another number of them
 /// in every run.
 #[inline(never)]
-fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
+pub(crate) fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
     for _ in 0..repeats {
-        for state in 0..STATES {
+        for state in 0..case.inputs.len() {
             black_box(case.answer(state)?);
         }
     }

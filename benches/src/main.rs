@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sarrus_benches::{Options, table::Format};
+use sarrus_benches::{Options, ScalingOptions, table::Format};
 
 /// Times of sarrus beside their errors.
 #[derive(Parser)]
@@ -37,6 +37,13 @@ struct Flags {
     /// Searches and steps in task space, and end.
     #[arg(long)]
     tasks: bool,
+    /// Cost against bodies, loops, joints of a loop, rows of a block and states of a batch, and
+    /// end.
+    #[arg(long)]
+    scaling: bool,
+    /// With `--scaling`: also instructions, under callgrind.
+    #[arg(long, requires = "scaling")]
+    instructions: bool,
 }
 
 fn main() -> ExitCode {
@@ -45,6 +52,9 @@ fn main() -> ExitCode {
         Flags { batches: true, only, .. } => sarrus_benches::batches(&only),
         Flags { forward: true, .. } => sarrus_benches::forward(),
         Flags { tasks: true, .. } => sarrus_benches::tasks(),
+        Flags { scaling: true, quick, instructions, format, out, .. } => {
+            sarrus_benches::scaling(&ScalingOptions { quick, instructions, format, out })
+        }
         Flags { quick, only, format, out, list, .. } => {
             sarrus_benches::in_process(&Options { quick, only, format, out, list })
         }

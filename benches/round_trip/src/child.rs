@@ -16,8 +16,8 @@ use sarrus_report::Outcome;
 use sarrus_serve::record::{RecordOptions, RecordedRobot};
 use sarrus_serve::{ServeOptions, Wait, serve};
 
-use crate::floor;
 use crate::measure::ROBOT;
+use crate::{floor, socket};
 
 /// The role of the other process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -26,6 +26,8 @@ pub(crate) enum Role {
     Server,
     /// Sends its input back.
     Floor,
+    /// Sends its input back through a socket.
+    Socket,
 }
 
 /// A process that runs; killed when dropped.
@@ -94,6 +96,7 @@ pub(crate) fn child(role: Role, processors: &[usize], record: Option<PathBuf>) -
     });
     match role {
         Role::Floor => floor::far(&stop),
+        Role::Socket => socket::far(),
         Role::Server => {
             let source = Source::Bundled(ROBOT.to_owned());
             let options = Options::default();

@@ -5,21 +5,27 @@
 //! cargo run --release -p sarrus-round-trip                    # some minutes
 //! cargo run --release -p sarrus-round-trip -- --quick --only lane/FD
 //! cargo run --release -p sarrus-round-trip -- --quick --only lane/ID --flooding 3
+//! cargo run --release -p sarrus-round-trip -- --clients
+//! cargo run --release -p sarrus-round-trip -- --rates
 //! ```
 
 mod child;
+mod clients;
 mod crowd;
 mod floor;
 mod measure;
+mod rates;
+mod socket;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use sarrus_benches::cores::Cores;
 use sarrus_benches::printed::Printed;
 use sarrus_benches::table::{Format, Table, ns};
+use sarrus_proto::Domain;
 use sarrus_report::Outcome;
 use sarrus_report::measure::machine::machine;
 use sarrus_report::measure::progress::Progress;
@@ -62,6 +68,12 @@ struct Flags {
     /// So many other clients always have a batch of 1024 states under way.
     #[arg(long, value_name = "N", default_value_t = 0)]
     flooding: usize,
+    /// Latency against the number of clients, and end.
+    #[arg(long)]
+    clients: bool,
+    /// Requests at fixed rates, on an idle machine and beside busy loops, and end.
+    #[arg(long)]
+    rates: bool,
     #[arg(long, hide = true)]
     child: Option<child::Role>,
     /// Processors of the child: it inherits the one that its parent is tied to.
@@ -97,6 +109,9 @@ fn run(flags: &Flags) -> Outcome {
     let cores = Cores::choose()?;
     cores.pin_client();
     let robot = Robot::load(Subject::Bundled(ROBOT), STATES)?;
+    if flags.clients || flags.rates {
+        return scaling(flags, &robot, &cores);
+    }
     let trips = measure::measure(&robot, &cores, &effort, &flags.only, &progress)?;
     progress.clear();
     let tables = match trips.is_empty() {
@@ -110,6 +125,34 @@ fn run(flags: &Flags) -> Outcome {
         values: json!({ "round_trip": trips.iter().map(Trip::value).collect::<Vec<_>>() }),
         samples: trips.into_iter().map(|trip| trip.samples).collect(),
     };
+    printed.finish(flags.format, &flags.out)
+}
+
+/// The table of `--clients`, of `--rates`, or both.
+fn scaling(flags: &Flags, robot: &Robot, cores: &Cores) -> Outcome {
+    if cores.is_one() {
+        eprintln!("not run: server and client poll, each needs a processor of its own");
+        return Ok(());
+    }
+    let name = format!("sarrus-round-trip-{}", std::process::id());
+    let domain = Domain::at(&std::env::temp_dir().join(name))?;
+    let time = Duration::from_secs(if flags.quick { 1 } else { 5 });
+    let mut tables = Vec::new();
+    let mut values = json!({});
+    if flags.clients {
+        let (table, value) = clients::measure(robot, cores, &domain, time)?;
+        tables.push(table);
+        values["clients"] = value;
+    }
+    if flags.rates {
+        let (table, value) = rates::measure(robot, cores, &domain, time)?;
+        tables.push(table);
+        values["rates"] = value;
+    }
+    domain.tidy();
+    let package = "sarrus-round-trip";
+    let machine = machine(cores);
+    let printed = Printed { package, machine, tables, values, samples: Vec::new() };
     printed.finish(flags.format, &flags.out)
 }
 
