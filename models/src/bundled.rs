@@ -18,7 +18,7 @@ macro_rules! robots {
     };
 }
 
-static ROBOTS: [Bundled; 26] = robots! {
+static ROBOTS: [Bundled; 27] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
     "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators \
@@ -49,6 +49,7 @@ static ROBOTS: [Bundled; 26] = robots! {
     "delta_balls": "delta robot with ball joints at both ends of its rods, which may spin",
     "cassie_leg": "leg of Cassie: hips, springs, tarsus on the Achilles rod, four-bar at the foot",
     "cassie": "whole Cassie: pelvis and two legs with springs, tarsi on Achilles rods, four-bars",
+    "digit_tarsus": "lower leg of Digit: tarsus on the Achilles rod, foot on two motors and rods",
 };
 
 /// Names of the bundled robots, each with one line about it.
