@@ -14,7 +14,7 @@ fn good(urdf: &str, yaml: Option<&str>) -> Loaded {
 
 #[test]
 fn every_bundled_robot_reads_without_an_error() {
-    assert_eq!(bundled().count(), 27);
+    assert_eq!(bundled().count(), 28);
     for (name, about) in bundled() {
         let loaded = load(&Source::Bundled(name.into()), &Options::default())
             .unwrap_or_else(|error| panic!("{error}"));

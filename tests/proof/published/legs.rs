@@ -1,10 +1,11 @@
-//! Legs: the halves of Cassie are mirror images, motors of Digit by circles and spheres from the
-//! points of its source.
+//! Legs: the halves of Cassie are mirror images, motors of Digit and Kangaroo by circles and
+//! spheres from the points of their sources.
 
 use sarrus_models::Base;
 use sarrus_tests::compare::assert_close;
 use sarrus_tests::seed::Seeded;
 
+use super::linkages::meet;
 use super::*;
 
 #[test]
@@ -190,5 +191,157 @@ fn the_tarsus_of_digit_is_where_a_circle_meets_the_sphere_of_the_achilles_rod() 
         let y = [knee.clamp(-0.8, 0.8), 0.0, 0.0, 0.0, 0.0];
         let q = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q]).ok().get(Q).to_vec();
         assert!((joint(&robot, &q, "tarsus_joint") + y[0]).abs() < 4e-4, "{q:?}");
+    }
+}
+
+// Points of Kangaroo's leg at zero [m]: x, y and z, or x and z in the plane of the leg.
+const YAW: [f64; 3] = [-0.015, 0.08, 0.0];
+const YAW_MOTOR: [f64; 3] = [-0.115113, 0.098831, 0.0];
+const YAW_PIN: [f64; 3] = [-0.026026, 0.118451, 0.0];
+const HIP: [f64; 3] = [0.0, 0.08, -0.17725];
+const HIP_MOTORS: [[f64; 3]; 2] = [[0.0475, 0.115, -0.0846], [0.0475, 0.045, -0.0846]];
+const HIP_BALLS: [[f64; 3]; 2] = [[0.06, 0.115, -0.17725], [0.06, 0.045, -0.17725]];
+const THIGH: [f64; 2] = [0.0, -0.26725];
+const BAR1: [f64; 2] = [-0.089372, -0.194878];
+const TRIANGLE: [f64; 2] = [-0.039392, -0.274193];
+const TRIANGLE_PIN: [f64; 2] = [-0.078127, -0.284173];
+const BAR2: [f64; 2] = [-0.085142, -0.351698];
+const KNEE: [f64; 2] = [0.268682, -0.535968];
+const SHIN_PIN: [f64; 2] = [0.222931, -0.613471];
+const NUT: [f64; 2] = [0.137294, -0.416264];
+const ANKLE: [f64; 3] = [-0.002606, 0.1469, -0.802056];
+const ROD: [f64; 3] = [0.212277, 0.1899, -0.515515];
+const FOOT_BALL: [f64; 3] = [-0.058987, 0.1819, -0.781534];
+const BUTTERFLY_PIN: [f64; 2] = [0.222766, -0.57459];
+const BAR: [f64; 2] = [-0.045919, -0.305869];
+const MOTOR: [f64; 2] = [-0.075084, -0.2239];
+const SLIDER: [f64; 2] = [-0.028647, -0.287358];
+
+/// The way from b to a in the plane of the leg.
+fn way(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn span(a: [f64; 2], b: [f64; 2]) -> f64 {
+    let [x, z] = way(a, b);
+    x.hypot(z)
+}
+
+/// A point of a body that turns about y: the centre at zero and now, the angle.
+fn carried(from: [f64; 2], to: [f64; 2], angle: f64, point: [f64; 2]) -> [f64; 2] {
+    let [x, z] = way(point, from);
+    [to[0] + angle.cos() * x + angle.sin() * z, to[1] - angle.sin() * x + angle.cos() * z]
+}
+
+/// Where the pin of two bars is whose other ends moved from a and b; the side is that of zero.
+fn pin(at_zero: [[f64; 2]; 3], a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    let [a0, b0, pin] = at_zero;
+    let [[ux, uz], [vx, vz]] = [way(b0, a0), way(pin, a0)];
+    meet((a, span(pin, a0)), (b, span(pin, b0)), (ux * vz - uz * vx).signum())
+}
+
+/// The angle about y from one direction to another.
+fn angle(from: [f64; 2], to: [f64; 2]) -> f64 {
+    (from[1] * to[0] - from[0] * to[1]).atan2(from[0] * to[0] + from[1] * to[1])
+}
+
+/// Knee, triangle and nut of Kangaroo's leg at the thigh's angle.
+fn leg(thigh: f64) -> [f64; 3] {
+    let of_thigh = |point| carried(THIGH, THIGH, thigh, point);
+    let triangle = of_thigh(TRIANGLE);
+    let knee = of_thigh(KNEE);
+    let short = pin([TRIANGLE, BAR1, TRIANGLE_PIN], triangle, BAR1);
+    let turn = angle(way(TRIANGLE_PIN, TRIANGLE), way(short, triangle));
+    let long = carried(TRIANGLE, triangle, turn, BAR2);
+    let on_shin = pin([BAR2, KNEE, SHIN_PIN], long, knee);
+    let shin = angle(way(SHIN_PIN, KNEE), way(on_shin, knee));
+    // the pin as the thigh sees it, and the nut on its line
+    let [x, z] = way(carried(THIGH, THIGH, -thigh, on_shin), NUT);
+    let size = 0.559139_f64.hypot(0.829074);
+    let [ux, uz] = [-0.559139 / size, 0.829074 / size];
+    let [along, across] = [x * ux + z * uz, x * uz - z * ux];
+    let nut = along + (span(SHIN_PIN, NUT).powi(2) - across * across).sqrt();
+    [shin - thigh, turn - thigh, nut]
+}
+
+/// The motor of Kangaroo's ankle on the left, and on the right at the opposite roll.
+fn ankle(thigh: f64, shin: f64, pitch: f64, roll: f64) -> f64 {
+    let knee = carried(THIGH, THIGH, thigh, KNEE);
+    let [x, z] = carried(KNEE, knee, shin, [ANKLE[0], ANKLE[2]]);
+    let ball = turned(1, shin + pitch, turned(0, roll, minus(FOOT_BALL, ANKLE)));
+    // seen along y, from the knee's axis
+    let cycled = |[x, y, z]: [f64; 3]| [z, x, y];
+    let seen = minus(plus([x, ANKLE[1], z], ball), [knee[0], 0.0, knee[1]]);
+    let arm = minus(ROD, [KNEE[0], 0.0, KNEE[1]]);
+    let angles = swings(cycled(arm), cycled(seen), length(minus(FOOT_BALL, ROD)));
+    // both ends of the parallelogram turn alike but for the roll
+    let butterfly = near(angles.map(|x| x - shin - pitch)) + shin + pitch;
+    let on_butterfly = carried(KNEE, knee, butterfly, BUTTERFLY_PIN);
+    let on_crank = pin([THIGH, BUTTERFLY_PIN, BAR], THIGH, on_butterfly);
+    let crank = angle(way(BAR, THIGH), way(on_crank, THIGH));
+    span(carried(THIGH, THIGH, crank, SLIDER), MOTOR) - span(SLIDER, MOTOR)
+}
+
+#[test]
+fn the_six_motors_of_kangaroos_leg_are_where_circles_and_spheres_meet() {
+    let mut robot = Robot::new(bundled("kangaroo_leg").model);
+    let mut seeded = Seeded::new(8);
+    for _ in 0..60 {
+        let [yaw, pitch, roll, foot, tilt] = [(); 5].map(|()| seeded.within(-0.25, 0.25));
+        let thigh = seeded.within(-0.4, 0.4);
+        let y = [yaw, pitch, roll, thigh, foot, tilt];
+        let state = robot.ask(Request::Kinematics, &[(Y, &y)], &[Q, U]).ok();
+        let q = state.get(Q).to_vec();
+        let [knee, triangle, nut] = leg(thigh);
+        let found = ["knee_joint", "triangle_joint"].map(|name| joint(&robot, &q, name));
+        assert_close(&format!("knee at {y:?}"), &found, &[knee, triangle], 1.0, 1e-13);
+        let pin = plus(YAW, turned(2, yaw, minus(YAW_PIN, YAW)));
+        let reach = |a, b| length(minus(a, b));
+        let hip = |i: usize| {
+            let ball = turned(1, pitch, turned(0, roll, minus(HIP_BALLS[i], HIP)));
+            reach(plus(HIP, ball), HIP_MOTORS[i]) - reach(HIP_BALLS[i], HIP_MOTORS[i])
+        };
+        let side = |tilt| ankle(thigh, thigh + knee, foot, tilt);
+        let turn = reach(pin, YAW_MOTOR) - reach(YAW_PIN, YAW_MOTOR);
+        let expected = [turn, hip(0), hip(1), nut, side(tilt), side(-tilt)];
+        assert_close(&format!("motors at {y:?}"), state.get(U), &expected, 0.1, 1e-12);
+    }
+}
+
+#[test]
+fn kangaroos_leg_has_the_lengths_of_its_design_and_stays_above_its_foot() {
+    let found = [
+        span(KNEE, THIGH),
+        span([ANKLE[0], ANKLE[2]], KNEE),
+        span(TRIANGLE, THIGH),
+        span(TRIANGLE_PIN, TRIANGLE),
+        span(TRIANGLE_PIN, BAR1),
+        span(BAR1, THIGH),
+        span(BAR2, TRIANGLE),
+        span(SHIN_PIN, BAR2),
+        span(KNEE, TRIANGLE),
+        span(SHIN_PIN, KNEE),
+        span(SHIN_PIN, NUT),
+        span(BAR, THIGH),
+        span(BUTTERFLY_PIN, BAR),
+        span(BUTTERFLY_PIN, KNEE),
+        span(SLIDER, THIGH),
+    ];
+    let design = [
+        0.38, 0.38, 0.04, 0.04, 0.09, 0.115, 0.09, 0.40427, 0.40427, 0.09, 0.215, 0.06, 0.38, 0.06,
+        0.035,
+    ];
+    assert_close("lengths", &found, &design, 1.0, 4e-6);
+    let mut robot = Robot::new(bundled("kangaroo_leg").model);
+    for k in -45..=43 {
+        // the foot level
+        let thigh = 0.01 * f64::from(k);
+        let [knee, triangle, _] = leg(thigh);
+        let y = [0.0, 0.0, 0.0, thigh, -thigh - knee, 0.0];
+        let foot = pose(&mut robot, "foot", &y);
+        assert!(foot[0].abs() < 0.003 && foot[3..6].iter().all(|x| x.abs() < 1e-13), "{foot:?}");
+        assert!((knee - triangle).abs() < 1e-4, "{knee} {triangle}");
+        let state = robot.ask(Request::Kinematics, &[(Y, &y)], &[U]).ok();
+        assert!(state.get(U)[4..].iter().all(|x| x.abs() < 4e-5), "{:?}", state.get(U));
     }
 }
