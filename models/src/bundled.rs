@@ -18,7 +18,7 @@ macro_rules! robots {
     };
 }
 
-static ROBOTS: [Bundled; 25] = robots! {
+static ROBOTS: [Bundled; 28] = robots! {
     "lambda": "elbow of a humanoid: one lambda loop (RRPR) driven by a linear actuator",
     "torso": "torso of a humanoid: a universal joint driven by two linear actuators (2SPU+1U)",
     "ankle": "ankle of a humanoid: a universal joint driven by two offset linear actuators \
@@ -48,6 +48,9 @@ static ROBOTS: [Bundled; 25] = robots! {
     "wheel_leg": "body on two wheeled legs, each a five-bar with motors at hips and wheel",
     "delta_balls": "delta robot with ball joints at both ends of its rods, which may spin",
     "cassie_leg": "leg of Cassie: hips, springs, tarsus on the Achilles rod, four-bar at the foot",
+    "cassie": "whole Cassie: pelvis and two legs with springs, tarsi on Achilles rods, four-bars",
+    "digit_tarsus": "lower leg of Digit: tarsus on the Achilles rod, foot on two motors and rods",
+    "kangaroo_leg": "leg of Kangaroo: six linear motors above the knee, linkages to shin and foot",
 };
 
 /// Names of the bundled robots, each with one line about it.

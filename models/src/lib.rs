@@ -1,5 +1,5 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains 25
+//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains 28
 //! bundled robots.
 //!
 //! ```

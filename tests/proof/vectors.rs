@@ -5,7 +5,7 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Compiled, Field, PlanScalar, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::compare::{assert_close, largest};
-use sarrus_tests::reference::{IDLE, REDUNDANT, ROBOTS, cases, digits, numbers, vectors};
+use sarrus_tests::reference::{IDLE, LEGS, REDUNDANT, ROBOTS, cases, digits, numbers, vectors};
 use sarrus_tests::run::Robot;
 use serde_json::Value;
 
@@ -80,7 +80,7 @@ fn check_case<T: PlanScalar>(
 
 #[test]
 fn every_bundled_robot_agrees_with_an_independent_engine() {
-    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
+    for name in ROBOTS.into_iter().chain(LEGS).chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).model);
         let file = vectors(name);
         let names = |key: &str| {
@@ -102,7 +102,7 @@ fn every_bundled_robot_agrees_with_an_independent_engine() {
 
 #[test]
 fn conditions_agree_with_an_independent_engine() {
-    for name in ROBOTS {
+    for name in ROBOTS.into_iter().chain(LEGS) {
         let mut robot = Robot::new(bundled(name).model);
         for case in cases(&vectors(name)) {
             let y = numbers(&case["y"]);
@@ -223,13 +223,13 @@ fn double_is_off_the_forty_digits_by_a_few_ulp() {
 /// other by as much.
 #[test]
 fn double_double_agrees_with_forty_digits() {
-    for name in ROBOTS.into_iter().chain(REDUNDANT).chain(IDLE) {
+    for name in ROBOTS.into_iter().chain(LEGS).chain(REDUNDANT).chain(IDLE) {
         let mut robot = Robot::new(bundled(name).exact);
         let of_reference = ULPS.iter().any(|(other, _)| *other == name);
         let is_rounded = of_reference && name != "parallelogram" || REDUNDANT.contains(&name);
         let tolerance = match name {
-            // the closed form of its foot fits the file to 8e-16
-            "cassie_leg" => 1e-13,
+            // closed forms of their feet and hips fit the files to 8e-16
+            "cassie_leg" | "cassie" | "kangaroo_leg" => 1e-13,
             _ if is_rounded => 2e-15,
             _ => 1e-25,
         };

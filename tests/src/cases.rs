@@ -10,7 +10,7 @@ use sarrus_models::{Options, Source, load};
 
 use crate::compare::error_by_size;
 use crate::random::{Text, random_robot};
-use crate::reference::{REDUNDANT, ROBOTS};
+use crate::reference::{LEGS, REDUNDANT, ROBOTS};
 use crate::seed::Seeded;
 
 /// Number of random robots, with seeds from 0.
@@ -178,6 +178,7 @@ pub fn robots() -> &'static [Case] {
                 Case::of_text(&random_robot(seed), seed, &Options::default()).ok()
             }),
         );
+        robots.extend(LEGS.iter().map(|name| Case::bundled(name)));
         robots
     })
 }

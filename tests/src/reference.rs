@@ -31,6 +31,9 @@ pub const ROBOTS: [&str; 21] = [
     "cassie_leg",
 ];
 
+/// Legs with such answers. The laws take them behind the random robots, which keep their places.
+pub const LEGS: [&str; 3] = ["cassie", "digit_tarsus", "kangaroo_leg"];
+
 /// The others with such answers, but for the reactions of their loops, which are not determinate.
 pub const REDUNDANT: [&str; 1] = ["bennett"];
 

@@ -4,7 +4,7 @@ use sarrus_models::bundled;
 
 use super::*;
 
-const FINGERPRINTS: [(&str, u64); 25] = [
+const FINGERPRINTS: [(&str, u64); 28] = [
     ("lambda", 0x95ec_5127_e53b_89b8),
     ("torso", 0x0a07_3552_f703_daeb),
     ("ankle", 0xaf02_04c9_1a56_4ed9),
@@ -30,6 +30,9 @@ const FINGERPRINTS: [(&str, u64); 25] = [
     ("wheel_leg", 0x4b64_72f8_39c5_f6d2),
     ("delta_balls", 0x2e7d_1de6_9476_27b9),
     ("cassie_leg", 0x3f6d_8c3b_df10_df43),
+    ("cassie", 0xeab8_fac6_183a_bd34),
+    ("digit_tarsus", 0x012b_c1a3_c657_e38c),
+    ("kangaroo_leg", 0x0ea1_e8c1_3ad2_5479),
 ];
 
 #[test]

@@ -115,7 +115,8 @@ fn an_unknown_robot_is_reported_with_the_nearest() {
     };
     let expected = "there is no bundled robot `stewert`; expected one of lambda, torso, ankle, parallelogram, stewart, wrist, r3_lambda_r, \
         rh5v2_upper_body, rh5v2_full, four_bars_2, five_bar, squeezer, bricard, delta, active_ankle, stewart_floating, \
-        g1_ankle, jansen, three_rrr, gripper, bennett, agile_eye, wheel_leg, delta_balls, cassie_leg; did you mean `stewart`?";
+        g1_ankle, jansen, three_rrr, gripper, bennett, agile_eye, wheel_leg, delta_balls, cassie_leg, cassie, digit_tarsus, \
+        kangaroo_leg; did you mean `stewart`?";
     assert_eq!(error.to_string(), expected);
 }
 

@@ -7,7 +7,7 @@ use super::*;
 
 /// Where circles about a and b of radii r and s meet, on the left of the way from a to b or on the
 /// right.
-fn meet((a, r): ([f64; 2], f64), (b, s): ([f64; 2], f64), side: f64) -> [f64; 2] {
+pub(super) fn meet((a, r): ([f64; 2], f64), (b, s): ([f64; 2], f64), side: f64) -> [f64; 2] {
     let u = [b[0] - a[0], b[1] - a[1]];
     let square = u[0] * u[0] + u[1] * u[1];
     let along = (square + r * r - s * s) / 2.0;

@@ -5,6 +5,7 @@
 
 mod bricard;
 mod cuts;
+mod legs;
 mod linkages;
 mod planar;
 mod platforms;
