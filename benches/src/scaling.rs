@@ -11,9 +11,9 @@ mod instructions;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::cores::Cores;
 use sarrus_dynamics::Status;
 use sarrus_report::Outcome;
-use sarrus_report::measure::cores::Cores;
 use sarrus_report::measure::machine::machine;
 use sarrus_report::measure::timing::{self, Samples, Timed};
 use sarrus_report::robots::{Question, Robot, Subject};
@@ -92,7 +92,7 @@ pub fn run(options: &ScalingOptions) -> Outcome {
         printed.tables.push(table(title, &points, true));
         printed.values[format!("rows/{name}")] = values(&points);
     }
-    printed.machine = machine(&cores);
+    printed.machine = machine()?;
     printed.finish(options.format, &options.out)
 }
 

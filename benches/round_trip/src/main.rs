@@ -151,7 +151,7 @@ fn scaling(flags: &Flags, robot: &Robot, cores: &Cores) -> Outcome {
     }
     domain.tidy();
     let package = "sarrus-round-trip";
-    let machine = machine(cores);
+    let machine = machine()?;
     let printed = Printed { package, machine, tables, values, samples: Vec::new() };
     printed.finish(flags.format, &flags.out)
 }
