@@ -1,14 +1,12 @@
 //! One case a fixed number of times, for counting its instructions from outside
 //! (`benches/count.sh`).
 
-use std::hint::black_box;
-
 use sarrus_report::Outcome;
 use sarrus_report::robots::{Robot, Subject};
 
 use crate::batches::Many;
 use crate::bridge;
-use crate::cases::{self, Case};
+use crate::cases::{self, passes};
 use crate::scaling;
 
 /// States that the calls go through in turn.
@@ -53,18 +51,6 @@ pub fn run(count: &[String]) -> Outcome {
         return many.check();
     }
     passes(&mut case, repeats)
-}
-
-/// The only function whose instructions are counted: loading a robot takes another number of them
-/// in every run.
-#[inline(never)]
-pub(crate) fn passes(case: &mut Case<'_>, repeats: usize) -> Outcome {
-    for _ in 0..repeats {
-        for state in 0..case.inputs.len() {
-            black_box(case.answer(state)?);
-        }
-    }
-    Ok(())
 }
 
 /// Runs a batch of the case.

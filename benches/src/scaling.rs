@@ -21,8 +21,7 @@ use serde_json::{Value, json};
 
 use self::families::{FAMILIES, Family};
 use crate::batches::Many;
-use crate::cases::Case;
-use crate::count::passes;
+use crate::cases::{Case, passes};
 use crate::errors;
 use crate::printed::Printed;
 use crate::table::{Format, Table, error, ns};
