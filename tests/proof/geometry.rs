@@ -2,81 +2,20 @@
 //! joints and cuts, and against G, K and the Jacobians of frames, whose columns are those of
 //! displacements along the axis of a joint.
 
-use sarrus_dynamics::description::{
-    Cut, Description, Joint, JointKind, Placement, SubmechanismKind as Kind,
-};
+use sarrus_dynamics::description::{Description, Joint, JointKind, SubmechanismKind as Kind};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
-    Axes, Field, FieldSet, Model, Plan, PlanScalar, Query, Request, Status, loops_of,
+    Axes, Field, FieldSet, Model, Plan, PlanScalar, Query, Request, Status, displaced,
 };
 use sarrus_generate::{GenerateError, Kernel};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::largest;
-use sarrus_tests::rigid::Pose;
 use sarrus_tests::run::{Fields, Robot};
 
 use Field::*;
 
 /// Displacement of the differences `[rad, m]`.
 const H: f64 = 2e-8;
-
-fn pose(at: &Placement) -> Pose {
-    Pose::from_rpy(at.rpy, at.xyz)
-}
-
-fn placement(at: &Pose) -> Placement {
-    Placement { xyz: at.p, rpy: at.rpy() }
-}
-
-/// Pose of a link where all joints are zero.
-fn link_pose(robot: &Description, link: usize) -> Pose {
-    match robot.joints.iter().find(|joint| joint.child == link) {
-        Some(joint) => link_pose(robot, joint.parent).then(&pose(&joint.origin)),
-        None => Pose::IDENTITY,
-    }
-}
-
-/// The robot with every cut placed on both of its links.
-fn with_placed_cuts(robot: &Description) -> Description {
-    let mut placed = robot.clone();
-    for (s, of) in placed.submechanisms.iter_mut().enumerate() {
-        of.loops = loops_of(robot, s);
-        for cycle in &mut of.loops {
-            let link = match cycle.cut {
-                Cut::AtJoint(j) => robot.joints[j].child,
-                Cut::AtLink(link) => link,
-                _ => continue,
-            };
-            let at = link_pose(robot, link);
-            let seen = |end: usize| placement(&link_pose(robot, end).inverse().then(&at));
-            let [predecessor, successor] = [seen(cycle.predecessor), seen(cycle.successor)];
-            cycle.cut = Cut::Placed { predecessor, successor };
-        }
-    }
-    placed
-}
-
-/// The placement that a name of the geometry stands for, moved by h along its last part.
-fn displace(robot: &mut Description, name: &str, h: f64) {
-    let (place, k) = name.rsplit_once('/').unwrap();
-    let k = ["rx", "ry", "rz", "x", "y", "z"].iter().position(|x| *x == k).unwrap();
-    let at = match robot.joints.iter_mut().find(|joint| joint.name == place) {
-        Some(joint) => &mut joint.origin,
-        None => {
-            let (cut, end) = place.rsplit_once('/').unwrap();
-            let mut loops = robot.submechanisms.iter_mut().flat_map(|s| &mut s.loops);
-            match (&mut loops.find(|cycle| cycle.name == cut).unwrap().cut, end) {
-                (Cut::Placed { predecessor, .. }, "predecessor") => predecessor,
-                (Cut::Placed { successor, .. }, "successor") => successor,
-                _ => panic!("{name} is not placed"),
-            }
-        }
-    };
-    let mut by = [0.0; 6];
-    by[k] = h;
-    let [rx, ry, rz, x, y, z] = by;
-    *at = placement(&pose(at).then(&Pose::from_rpy([rx, ry, rz], [x, y, z])));
-}
 
 /// q, poses of frames and residual, by Newton's method.
 fn closed(robot: &Description, query: Query, y: &[Dd], q: &[Dd]) -> Option<Fields<Dd>> {
@@ -106,7 +45,7 @@ fn turn(from: &[Dd], to: &[Dd]) -> [Dd; 3] {
 
 /// Compares some columns of a robot; returns how many were compared.
 fn compare(case: &Case, k: u64, most: usize, ledger: &mut Ledger) -> usize {
-    let placed = with_placed_cuts(&case.description);
+    let placed = displaced(&case.description, &[], &[]).unwrap();
     let compiled = Model::compile(&placed).unwrap_or_else(|error| panic!("{error}"));
     let model = &compiled.model;
     let names = model.info().geometry();
@@ -136,8 +75,9 @@ fn compare(case: &Case, k: u64, most: usize, ledger: &mut Ledger) -> usize {
     let stride = (width / most).max(1) | 1;
     for column in (0..width).skip(k as usize % stride).step_by(stride) {
         let [ahead, back] = [H, -H].map(|h| {
-            let mut moved = placed.clone();
-            displace(&mut moved, &names[column], h);
+            let mut theta = vec![0.0; width];
+            theta[column] = h;
+            let moved = displaced(&placed, &names, &theta).unwrap();
             closed(&moved, query(&[Q, FramePose, Residual]), &y, exact.get(Q))
         });
         // loops with redundant rows do not close after every displacement

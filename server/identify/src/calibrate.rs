@@ -22,7 +22,7 @@ use crate::dense::Triangle;
 use crate::estimate::{answered, left_over, solved};
 
 /// Part of its length that a column adds to those before it from which on it is estimated.
-const TOLD_APART: f64 = 1e-3;
+const IDENTIFIABLE: f64 = 1e-3;
 /// Part of the largest column below which a column is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Gauss-Newton steps.
@@ -35,7 +35,7 @@ pub struct Calibrated {
     pub name: String,
     /// Estimate `[m, rad]`: the difference from the description.
     pub value: f64,
-    /// Standard error; `None` where the encoders do not tell it apart from those before it.
+    /// Standard error; `None` where it is not identifiable beside those before it.
     pub standard_error: Option<f64>,
 }
 
@@ -53,7 +53,7 @@ pub struct Calibration {
 
 impl Calibration {
     /// As JSON: `noise` with `model` and `fitted`; `parameters` with `value` and `standard_error`,
-    /// null where the encoders do not tell.
+    /// null where they are not identifiable.
     pub fn to_json(&self) -> Value {
         let [model, fitted] = self.noise;
         let of = |x: &Calibrated| {
@@ -96,13 +96,13 @@ pub fn calibrate(
     let mut zero = vec![0.0; encoders.len()];
     let mut triangle = stacked(&model, &encoders, rows, &zero, &estimate)?;
     let before = left_over(&triangle, &vec![0.0; all.len()]);
-    let told = told_apart(&triangle, all.len());
+    let accepted = identifiable(&triangle, all.len());
     let measured = (encoders.len() - model.sizes().n_vy) * rows.len();
-    if measured <= told.len() {
-        return Err(IdentifyError::Short { rows: measured, parameters: told.len() });
+    if measured <= accepted.len() {
+        return Err(IdentifyError::Short { rows: measured, parameters: accepted.len() });
     }
     for _ in 0..STEPS {
-        let step = solved(&triangle, &told, &vec![0.0; all.len()]);
+        let step = solved(&triangle, &accepted, &vec![0.0; all.len()]);
         estimate.iter_mut().zip(&step).for_each(|(x, by)| *x += by);
         let (next, at_zero) =
             closed(&robot, (&names, model.independent_names()), &step[encoders.len()..])?;
@@ -112,11 +112,11 @@ pub fn calibrate(
         triangle = stacked(&model, &encoders, rows, &zero, &estimate)?;
     }
     let noise = left_over(&triangle, &vec![0.0; all.len()]);
-    let freedoms = (measured - told.len()) as f64;
+    let freedoms = (measured - accepted.len()) as f64;
     let deviation = noise / freedoms.sqrt();
     let mut errors = vec![None; all.len()];
-    let deviations = triangle.of_columns(&told).deviations();
-    told.iter().zip(deviations).for_each(|(j, x)| errors[*j] = Some(x * deviation));
+    let deviations = triangle.of_columns(&accepted).deviations();
+    accepted.iter().zip(deviations).for_each(|(j, x)| errors[*j] = Some(x * deviation));
     let parameters = all.into_iter().zip(estimate).zip(errors);
     Ok(Calibration {
         parameters: parameters
@@ -202,18 +202,18 @@ fn stacked(
 }
 
 /// The columns that add to those before them.
-fn told_apart(all: &Triangle, n: usize) -> Vec<usize> {
+fn identifiable(all: &Triangle, n: usize) -> Vec<usize> {
     let norms = all.norms();
     let most = norms[..n].iter().copied().fold(0.0, f64::max);
-    let mut told = Vec::new();
+    let mut accepted = Vec::new();
     for j in (0..n).filter(|j| norms[*j] > ROUNDING * most) {
-        told.push(j);
-        let last = told.len() - 1;
-        if all.of_columns(&told).row(last)[last].abs() < TOLD_APART * norms[j] {
-            told.pop();
+        accepted.push(j);
+        let last = accepted.len() - 1;
+        if all.of_columns(&accepted).row(last)[last].abs() < IDENTIFIABLE * norms[j] {
+            accepted.pop();
         }
     }
-    told
+    accepted
 }
 
 /// The displaced robot, closed at y = 0, and its coordinates there before.

@@ -96,7 +96,7 @@ fn calibrated(found: &Calibration) -> String {
         }
     }
     let [model, fitted] = found.noise;
-    let _ = writeln!(text, "not told apart: {}", hidden.join(", "));
+    let _ = writeln!(text, "not identifiable: {}", hidden.join(", "));
     let _ = writeln!(text, "noise of an encoder: {model:.3e} by the model, {fitted:.3e} now");
     text
 }

@@ -31,7 +31,7 @@ Rows = npt.NDArray[np.bool_]
 
 
 class Limits:
-    """What a robot's motion must stay within."""
+    """The limits of a robot's motion."""
 
     def __init__(
         self,

@@ -30,7 +30,7 @@ pub struct ObjectFile {
     /// All of the file.
     pub(super) bytes: Vec<u8>,
     manifest: Manifest,
-    /// The text of the manifest as it stands in the object.
+    /// The text of the manifest in the object.
     pub(super) text: Vec<u8>,
 }
 
