@@ -107,13 +107,7 @@ pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) 
                 continue;
             }
             if let Some(joint) = urdf.joint_index.get(&name).and_then(|j| urdf.joints.get_mut(*j)) {
-                let none = Limits {
-                    lower: f64::NEG_INFINITY,
-                    upper: f64::INFINITY,
-                    velocity: f64::INFINITY,
-                    effort: f64::INFINITY,
-                };
-                let mut limits = joint.limits.unwrap_or(none);
+                let mut limits = joint.limits.unwrap_or(Limits::NONE);
                 actuator(node, (&mut limits, &mut joint.terms, &mut joint.motor), diagnostics);
                 joint.limits = Some(limits);
             }

@@ -8,7 +8,7 @@ use sarrus_dynamics::description::{
 };
 use sarrus_dynamics::{Diagnostic, Reduced, Site};
 
-use crate::cut::CutKind;
+use crate::cut::{about, named};
 use crate::report::{Diagnostics, Span};
 use crate::submechanisms::kind::KNOWN;
 use crate::submechanisms::{
@@ -286,8 +286,10 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
             .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
     };
     let rows = match each.cut_joint_type {
-        Some(written) => CutKind::named(&written)?
-            .rows(each.axis.unwrap_or_default(), each.axis2.unwrap_or_default()),
+        Some(written) => {
+            let [axis, axis2] = [each.axis, each.axis2].map(Option::unwrap_or_default);
+            about(named(&written)?, axis, axis2).rows()
+        }
         None => each
             .constraint_axes?
             .into_iter()

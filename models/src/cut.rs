@@ -12,71 +12,43 @@
 //!
 //! [`CutJoint`] defines the rows.
 
-use sarrus_dynamics::CutJoint;
-use sarrus_dynamics::description::Row;
+use sarrus_dynamics::CutJoint::{self, *};
 
-/// A cut joint by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CutKind {
-    Spherical,
-    Weld,
-    Revolute,
-    PlanarRevolute,
-    Prismatic,
-    Cylindrical,
-    Universal,
-}
+const NONE: [f64; 3] = [0.0; 3];
 
-use CutKind::*;
-
-pub(crate) const KINDS: [(&str, CutKind); 7] = [
+/// The cut joints by name, without their axes.
+pub(crate) const KINDS: [(&str, CutJoint); 7] = [
     ("spherical", Spherical),
     ("weld", Weld),
-    ("revolute", Revolute),
-    ("planar_revolute", PlanarRevolute),
-    ("prismatic", Prismatic),
-    ("cylindrical", Cylindrical),
-    ("universal", Universal),
+    ("revolute", Revolute { axis: NONE }),
+    ("planar_revolute", PlanarRevolute { axis: NONE }),
+    ("prismatic", Prismatic { axis: NONE }),
+    ("cylindrical", Cylindrical { axis: NONE }),
+    ("universal", Universal { axis: NONE, axis2: NONE }),
 ];
 
-impl CutKind {
-    /// The cut joint of a name.
-    pub(crate) fn named(written: &str) -> Option<CutKind> {
-        KINDS.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind)
-    }
+/// The cut joint of a name.
+pub(crate) fn named(written: &str) -> Option<CutJoint> {
+    KINDS.into_iter().find(|(name, _)| *name == written).map(|(_, kind)| kind)
+}
 
-    pub(crate) fn n_axes(self) -> usize {
-        match self {
-            Spherical | Weld => 0,
-            Universal => 2,
-            _ => 1,
-        }
+pub(crate) fn n_axes(kind: CutJoint) -> usize {
+    match kind {
+        Spherical | Weld => 0,
+        Universal { .. } => 2,
+        _ => 1,
     }
+}
 
-    /// Its number of rows.
-    pub(crate) fn n_rows(self) -> usize {
-        match self {
-            PlanarRevolute => 2,
-            Spherical => 3,
-            Cylindrical | Universal => 4,
-            Revolute | Prismatic => 5,
-            Weld => 6,
-        }
-    }
-
-    /// The rows in the predecessor's cut frame, and in the successor's if they involve a direction
-    /// of it.
-    pub(crate) fn rows(self, axis: [f64; 3], axis2: [f64; 3]) -> Vec<Row> {
-        let joint = match self {
-            Spherical => CutJoint::Spherical,
-            Weld => CutJoint::Weld,
-            Revolute => CutJoint::Revolute { axis },
-            PlanarRevolute => CutJoint::PlanarRevolute { axis },
-            Prismatic => CutJoint::Prismatic { axis },
-            Cylindrical => CutJoint::Cylindrical { axis },
-            Universal => CutJoint::Universal { axis, axis2 },
-        };
-        joint.rows()
+/// The cut joint about its axes.
+pub(crate) fn about(kind: CutJoint, axis: [f64; 3], axis2: [f64; 3]) -> CutJoint {
+    match kind {
+        Revolute { .. } => Revolute { axis },
+        PlanarRevolute { .. } => PlanarRevolute { axis },
+        Prismatic { .. } => Prismatic { axis },
+        Cylindrical { .. } => Cylindrical { axis },
+        Universal { .. } => Universal { axis, axis2 },
+        _ => kind,
     }
 }
 
@@ -85,9 +57,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_has_as_many_rows_as_it_says() {
+    fn every_kind_has_as_many_rows_without_its_axes() {
         for (name, kind) in KINDS {
-            assert_eq!(kind.rows([1.0, 2.0, 3.0], [3.0, 0.0, -1.0]).len(), kind.n_rows(), "{name}");
+            let rows = about(kind, [1.0, 2.0, 3.0], [3.0, 0.0, -1.0]).rows();
+            assert_eq!(rows.len(), kind.rows().len(), "{name}");
         }
     }
 }

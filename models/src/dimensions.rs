@@ -3,15 +3,17 @@
 
 use std::f64::consts::PI;
 
-use sarrus_dynamics::description::{Cut, Description, JointKind, Link, Loop, Placement};
+use sarrus_dynamics::description::{Description, JointKind, Link, Loop};
 use sarrus_dynamics::{
     Field, FieldSet, Model, Plan, Query, Request, Site, Status, Workspace, loops_of,
 };
 use serde::Serialize;
 
 use crate::build::Spans;
+use crate::pose::minus;
 use crate::report::{Diagnostics, quoted};
-use crate::rotation::{cross, dot, product, quaternion, rotated};
+use crate::rotation::{cross, dot, rotated};
+use crate::tree::Tree;
 use crate::units::least_density;
 
 /// Steps from the zero pose to the end of a range, and halvings of the last one.
@@ -106,81 +108,16 @@ impl Dimensions {
     }
 }
 
-/// The tree of a robot at its zero pose.
-struct Tree<'a> {
-    description: &'a Description,
-    /// The joint above each link.
-    above: Vec<Option<usize>>,
-    /// Position and orientation of each link {root}.
-    pose: Vec<([f64; 3], [f64; 4])>,
-}
-
-impl Tree<'_> {
-    fn new(description: &Description) -> Tree<'_> {
-        let n = description.links.len();
-        let mut above = vec![None; n];
-        description.joints.iter().enumerate().for_each(|(j, joint)| above[joint.child] = Some(j));
-        let root = ([0.0; 3], [0.0, 0.0, 0.0, 1.0]);
-        let mut tree = Tree { description, above, pose: vec![root; n] };
-        let mut is_known = vec![false; n];
-        for link in 0..n {
-            let up = |link: &usize| tree.above[*link].map(|j| description.joints[j].parent);
-            let path: Vec<usize> =
-                std::iter::successors(Some(link), up).take_while(|link| !is_known[*link]).collect();
-            for link in path.into_iter().rev() {
-                is_known[link] = true;
-                let Some(joint) = tree.above[link].map(|j| &description.joints[j]) else {
-                    continue;
-                };
-                let (p, turn) = tree.pose[joint.parent];
-                let p = plus(p, rotated(turn, joint.origin.xyz));
-                tree.pose[link] = (p, product(turn, quaternion(joint.origin.rpy)));
-            }
-        }
-        tree
-    }
-
-    /// Origin of a joint {root}.
-    fn origin(&self, j: usize) -> [f64; 3] {
-        self.pose[self.description.joints[j].child].0
-    }
-
-    /// The moving joints that carry a link, the nearest first.
-    fn carriers(&self, mut link: usize) -> Vec<usize> {
-        let mut found = Vec::new();
-        while let Some(j) = self.above[link] {
-            if self.description.joints[j].kind != JointKind::Fixed {
-                found.push(j);
-            }
-            link = self.description.joints[j].parent;
-        }
-        found
-    }
-}
-
-fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-
 /// The lengths of a loop, from the cut along the predecessor's joints and back.
 fn lengths(tree: &Tree<'_>, of: &Loop) -> Vec<Length> {
-    let Tree { description, pose, .. } = tree;
-    let joints = &description.joints;
+    let joints = &tree.of.joints;
     let mut down = tree.carriers(of.predecessor);
     let mut up = tree.carriers(of.successor);
     while down.last().is_some() && down.last() == up.last() {
         down.pop();
         up.pop();
     }
-    let on = |link: usize, at: &Placement| plus(pose[link].0, rotated(pose[link].1, at.xyz));
-    let [first, last] = match &of.cut {
-        Cut::AtJoint(j) => [tree.origin(*j); 2],
-        Cut::AtLink(link) => [pose[*link].0; 2],
-        Cut::Placed { predecessor, successor } => {
-            [on(of.predecessor, predecessor), on(of.successor, successor)]
-        }
-        _ => return Vec::new(),
-    };
+    let [first, last] = tree.ends(of).map(|end| end.p);
     // the ends on each link, and the link
     let ring: Vec<usize> = down.iter().chain(up.iter().rev()).copied().collect();
     let base = ring.get(down.len().saturating_sub(1)).map_or(of.predecessor, |j| joints[*j].parent);
@@ -188,18 +125,18 @@ fn lengths(tree: &Tree<'_>, of: &Loop) -> Vec<Length> {
     links.push(if down.is_empty() { of.predecessor } else { base });
     links.extend(up.iter().rev().map(|j| joints[*j].child));
     let mut ends = vec![(of.name.as_str(), first)];
-    ends.extend(ring.iter().map(|j| (joints[*j].name.as_str(), tree.origin(*j))));
+    ends.extend(ring.iter().map(|j| (joints[*j].name.as_str(), tree.zero[joints[*j].child].p)));
     ends.push((of.name.as_str(), last));
     let normal = normal(tree, &ring);
     let length = |(link, pair): (&usize, &[(&str, [f64; 3])])| {
         let [(from, p), (to, q)] = pair else { return None };
-        let d: [f64; 3] = std::array::from_fn(|k| q[k] - p[k]);
+        let d = minus(*q, *p);
         let across = normal.map_or(d, |normal| cross(normal, d));
         let length = dot(across, across).sqrt();
         // the parts of a universal joint meet in one point
         (length > 1e-12).then(|| Length {
             cut: of.name.clone(),
-            link: description.links[*link].name.clone(),
+            link: tree.link(*link).to_owned(),
             from: (*from).to_owned(),
             to: (*to).to_owned(),
             length,
@@ -211,13 +148,13 @@ fn lengths(tree: &Tree<'_>, of: &Loop) -> Vec<Length> {
 /// The direction of all turns of a loop, if they have one.
 fn normal(tree: &Tree<'_>, ring: &[usize]) -> Option<[f64; 3]> {
     let mut normal: Option<[f64; 3]> = None;
-    for joint in ring.iter().map(|j| &tree.description.joints[*j]) {
+    for joint in ring.iter().map(|j| &tree.of.joints[*j]) {
         match joint.kind {
             JointKind::Prismatic => continue,
             JointKind::Revolute | JointKind::Continuous => {}
             _ => return None,
         }
-        let axis = rotated(tree.pose[joint.child].1, joint.axis);
+        let axis = rotated(tree.zero[joint.child].r, joint.axis);
         let unit = axis.map(|x| x / dot(axis, axis).sqrt());
         let off = normal.map_or([0.0; 3], |normal| cross(normal, unit));
         if dot(off, off).sqrt() > 1e-6 {

@@ -92,6 +92,8 @@ mod source;
 mod submechanisms;
 mod suggest;
 mod text;
+mod tree;
+pub mod triangles;
 mod units;
 mod unlisted;
 mod urdf;

@@ -205,7 +205,7 @@ fn cut(closing: &Closing, [predecessor, successor]: [usize; 2]) -> Loop {
             Cut::Placed { predecessor: at, successor: Placement::default() }
         }
     };
-    let rows = closing.kind.rows(closing.axis, closing.axis2);
+    let rows = closing.joint.rows();
     Loop { name: closing.name.clone(), predecessor, successor, cut, rows }
 }
 

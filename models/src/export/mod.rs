@@ -26,9 +26,9 @@ use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 use crate::build;
 use crate::error::LoadError;
 use crate::load::Loaded;
-use crate::pose::Pose;
 use crate::report::{Diagnostics, Report, Span, quoted};
 use crate::rewrite::number;
+use crate::tree::Tree;
 use cuts::{Tie, held};
 
 /// A format of [`export`].
@@ -80,7 +80,7 @@ pub fn export(
             part.loops = loops_of(&loaded.description, s);
         }
     }
-    let mut out = Out { loaded, diagnostics, name, robot: Robot::new(&of) };
+    let mut out = Out { loaded, diagnostics, name, robot: Tree::new(&of) };
     out.check(target);
     let is_cut_as_written = matches!(target, Target::Urdf | Target::Sdf);
     let ties = if is_cut_as_written { Vec::new() } else { out.ties() };
@@ -122,73 +122,12 @@ fn plain(of: &Description) -> Description {
     plain
 }
 
-/// A tree of links.
-struct Robot<'a> {
-    of: &'a Description,
-    /// The link that is no joint's child.
-    root: usize,
-    /// The pose of each link at zero {root}.
-    zero: Vec<Pose>,
-}
-
-impl<'a> Robot<'a> {
-    fn new(of: &'a Description) -> Robot<'a> {
-        let is_child = |link: usize| of.joints.iter().any(|joint| joint.child == link);
-        let root = (0..of.links.len()).find(|link| !is_child(*link)).unwrap_or(0);
-        let mut robot = Robot { of, root, zero: vec![Pose::NONE; of.links.len()] };
-        let mut open = vec![root];
-        while let Some(link) = open.pop() {
-            for joint in robot.of.joints.iter().filter(|joint| joint.parent == link) {
-                robot.zero[joint.child] = robot.zero[link].then(Pose::of(&joint.origin));
-                open.push(joint.child);
-            }
-        }
-        robot
-    }
-
-    /// The joints below a link.
-    fn below(&self, link: usize) -> impl Iterator<Item = (usize, &'a Joint)> + use<'a> {
-        let joints = self.of.joints.iter().enumerate();
-        joints.filter(move |(_, joint)| joint.parent == link)
-    }
-
-    fn link(&self, link: usize) -> &'a str {
-        self.of.links.get(link).map_or("", |of| &of.name)
-    }
-
-    /// The two frames of a cut, each in its link.
-    fn places(&self, of: &Loop) -> [Pose; 2] {
-        let at = match of.cut {
-            Cut::AtJoint(joint) => self.of.joints.get(joint).map_or(self.root, |of| of.child),
-            Cut::AtLink(link) => link,
-            Cut::Placed { predecessor, successor } => {
-                return [Pose::of(&predecessor), Pose::of(&successor)];
-            }
-            _ => self.root,
-        };
-        [of.predecessor, of.successor].map(|link| self.zero[link].inverse().then(self.zero[at]))
-    }
-
-    /// Joints with a motor, in the order of u.
-    fn active(&self) -> impl Iterator<Item = &'a Joint> + use<'a> {
-        let of = self.of;
-        let all = of.submechanisms.iter().flat_map(|part| &part.active);
-        all.filter_map(|joint| of.joints.get(*joint))
-    }
-
-    /// Whether only fixed joints are between a link and the root.
-    fn stands(&self, link: usize) -> bool {
-        let above = self.of.joints.iter().find(|joint| joint.child == link);
-        above.is_none_or(|joint| joint.kind == JointKind::Fixed && self.stands(joint.parent))
-    }
-}
-
 /// The robot, and the report of its writer.
 struct Out<'a> {
     loaded: &'a Loaded,
     diagnostics: Diagnostics,
     name: &'a str,
-    robot: Robot<'a>,
+    robot: Tree<'a>,
 }
 
 impl Out<'_> {
@@ -344,7 +283,7 @@ fn listed(of: &[f64], between: &str) -> String {
 }
 
 /// The mass of a link that has one.
-fn inertial(robot: &Robot<'_>, link: usize) -> Option<Inertial> {
+fn inertial(robot: &Tree<'_>, link: usize) -> Option<Inertial> {
     robot.of.links.get(link)?.inertial
 }
 

@@ -94,11 +94,9 @@ fn of_loop(out: &mut Out<'_>, (s, l): (usize, usize), name: &str, of: &Loop) -> 
     };
     let ends = [of.predecessor, of.successor].map(|link| out.robot.link(link));
     let mut text = open(name, kind, ends);
-    let [first, second] = out.robot.places(of);
-    text += &placed(second, "");
+    text += &placed(out.robot.places(of)[1], "");
     // in the successor's cut frame
-    let [first, second] = [(of.predecessor, first), (of.successor, second)]
-        .map(|(link, place)| out.robot.zero[link].then(place));
+    let [first, second] = out.robot.ends(of);
     let turn = second.inverse().then(first).r;
     let axes = match kind {
         "ball" | "fixed" => "",

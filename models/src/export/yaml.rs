@@ -7,14 +7,15 @@ use sarrus_dynamics::description::{
     Cut, Description, Friction, Joint, Loop, Motor, Placement, Submechanism,
 };
 
-use super::{Robot, listed};
+use super::listed;
 use crate::rewrite::number;
 use crate::suggest::word;
+use crate::tree::Tree;
 
 /// The file.
 pub(crate) fn text(of: &Description) -> String {
     let mut text = "submechanisms:\n".to_owned();
-    let robot = Robot::new(of);
+    let robot = Tree::new(of);
     for part in &of.submechanisms {
         text += &entry(&robot, part);
     }
@@ -25,7 +26,7 @@ pub(crate) fn text(of: &Description) -> String {
     text
 }
 
-fn entry(robot: &Robot<'_>, part: &Submechanism) -> String {
+fn entry(robot: &Tree<'_>, part: &Submechanism) -> String {
     let names = |of: &[usize]| {
         let names = of.iter().filter_map(|joint| robot.of.joints.get(*joint));
         names.map(|joint| word(&joint.name)).collect::<Vec<_>>().join(", ")
@@ -51,7 +52,7 @@ fn entry(robot: &Robot<'_>, part: &Submechanism) -> String {
     text
 }
 
-fn cut(robot: &Robot<'_>, of: &Loop) -> String {
+fn cut(robot: &Tree<'_>, of: &Loop) -> String {
     let mut text = format!(
         "  - cut_joint: {}\n    predecessor_body: {}\n    successor_body: {}\n",
         word(&of.name),

@@ -10,11 +10,10 @@ use super::solid::{Solid, of_point};
 use crate::pose::{Pose, minus, plus, unit};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::{cross, dot, rotated};
+use crate::triangles::{Triangle as Face, binary_stl, obj};
 
 /// Most triangles of a mesh.
 const MOST_FACES: usize = 5_000_000;
-
-type Face = [[f64; 3]; 3];
 
 /// The meshes of a model; a file is opened when a body needs its inertia.
 pub(super) struct Meshes<'e> {
@@ -98,10 +97,11 @@ impl<'e> Meshes<'e> {
                 let (_, name, bytes) = self.files.open(&path, file.span, diagnostics)?;
                 let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
                 let faces = match ending.to_str() {
-                    Some("stl") => of_stl(&bytes),
-                    Some("obj") => of_obj(&String::from_utf8_lossy(&bytes)),
+                    Some("stl") => binary_stl(&bytes),
+                    Some("obj") => obj(&bytes),
                     _ => None,
                 };
+                let faces = faces.filter(|faces| faces.len() <= MOST_FACES);
                 if faces.is_none() {
                     let found = format!("the mesh {} cannot be read", quoted(&name));
                     let help = "convert it, or write <inertial> of its bodies";
@@ -134,51 +134,6 @@ impl<'e> Meshes<'e> {
         }
         Some(faces)
     }
-}
-
-/// Triangles of a binary STL.
-fn of_stl(bytes: &[u8]) -> Option<Vec<Face>> {
-    let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
-    let body = bytes.get(84..84 + 50 * count).filter(|_| count <= MOST_FACES)?;
-    let number = |of: &[u8]| of.try_into().map(f32::from_le_bytes).map_or(f64::NAN, f64::from);
-    let point = |of: &[u8]| [number(&of[..4]), number(&of[4..8]), number(&of[8..12])];
-    let face = |of: &[u8]| [point(&of[12..24]), point(&of[24..36]), point(&of[36..48])];
-    let faces: Vec<Face> = body.chunks_exact(50).map(face).collect();
-    faces.iter().flatten().flatten().all(|x| x.is_finite()).then_some(faces)
-}
-
-/// Triangles of an OBJ; a face of more corners is a fan.
-fn of_obj(text: &str) -> Option<Vec<Face>> {
-    let mut points: Vec<[f64; 3]> = Vec::new();
-    let mut faces = Vec::new();
-    for line in text.lines() {
-        let mut words = line.split_ascii_whitespace();
-        match words.next() {
-            Some("v") => {
-                let mut number = || Some(f64::from(words.next()?.parse::<f32>().ok()?));
-                let point = [number()?, number()?, number()?];
-                points.push(point);
-            }
-            Some("f") => {
-                let corners: Option<Vec<[f64; 3]>> = words
-                    .map(|word| {
-                        let index: i64 = word.split('/').next()?.parse().ok()?;
-                        // negative ones count from the end
-                        let from = if index < 0 { points.len() as i64 + index } else { index - 1 };
-                        points.get(usize::try_from(from).ok()?).copied()
-                    })
-                    .collect();
-                let corners = corners?;
-                let (first, rest) = corners.split_first()?;
-                faces.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
-            }
-            _ => {}
-        }
-        if faces.len() > MOST_FACES {
-            return None;
-        }
-    }
-    faces.iter().flatten().flatten().all(|x: &f64| x.is_finite()).then_some(faces)
 }
 
 /// Twice the area vector of a triangle.

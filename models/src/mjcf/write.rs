@@ -120,10 +120,9 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
     of.axis = joint.axis;
     of.terms = Terms { rest: if terms.stiffness == 0.0 { 0.0 } else { terms.rest }, ..terms };
     let effort = joint.effort.min(joint.drive.unwrap_or(f64::INFINITY));
-    let none = [f64::NEG_INFINITY, f64::INFINITY];
     if joint.range.is_some() || effort.is_finite() || kind == JointKind::Prismatic {
-        let [lower, upper] = joint.range.unwrap_or(none);
-        of.limits = Some(Limits { lower, upper, velocity: f64::INFINITY, effort });
+        let [lower, upper] = joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        of.limits = Some(Limits { lower, upper, effort, ..Limits::NONE });
     }
     of
 }

@@ -1,7 +1,8 @@
 //! Cut joints by name in a submechanism file: `cut_joint_type` and its axes.
 
-use crate::cut::CutKind::Universal;
-use crate::cut::{CutKind, KINDS};
+use sarrus_dynamics::CutJoint::Universal;
+
+use crate::cut::{KINDS, n_axes, named};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::dot;
 use crate::yaml::{Node, numbers, word};
@@ -24,7 +25,7 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
         let found = "the loop has `constraint_axes` and a `cut_joint_type`";
         diagnostics.error(other.span, found, "one of them", "remove one of them");
     }
-    let Some(kind) = CutKind::named(&written) else {
+    let Some(kind) = named(&written) else {
         let names = KINDS.map(|(name, _)| name);
         let found = format!("the cut joint type {} is not known", quoted(&written));
         let help = "write any other cut by its constraint_axes";
@@ -33,19 +34,21 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
     };
     for (k, (key, given)) in ["axis", "axis2"].into_iter().zip(&axes).enumerate() {
         match given {
-            None if k < kind.n_axes() => {
+            None if k < n_axes(kind) => {
                 let found = format!("a {written} cut without `{key}`");
                 let expected = format!("`{key}: [x, y, z]` in the cut frame");
                 diagnostics.error(span, found, expected, "add it");
             }
-            Some((_, span, _)) if k >= kind.n_axes() => {
+            Some((_, span, _)) if k >= n_axes(kind) => {
                 let found = format!("a {written} cut with `{key}`");
                 diagnostics.error(*span, found, "none", "remove it");
             }
             _ => {}
         }
     }
-    if let (Universal, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) = (kind, axes) {
+    if let (Universal { .. }, [Some((_, _, Some(first))), Some((_, span, Some(second)))]) =
+        (kind, axes)
+    {
         let along = dot(first, second) / (dot(first, first) * dot(second, second)).sqrt();
         // a small error is the rounding of a file
         if along.abs() > 1e-6 {
@@ -55,7 +58,7 @@ pub(super) fn walk(node: &Node, diagnostics: &mut Diagnostics) -> Vec<Span> {
             diagnostics.error(span, found, "perpendicular axes", help);
         }
     }
-    vec![span; kind.n_rows()]
+    vec![span; kind.rows().len()]
 }
 
 /// An axis whose length is neither zero nor extreme; `None` after an error.

@@ -13,12 +13,13 @@
 use std::collections::BTreeSet;
 
 use roxmltree::Node;
+use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Placement;
 
 use super::origin::placement;
 use super::sdf;
 use super::xml::{Reader, Shape, child, drake};
-use crate::cut::CutKind;
+use crate::cut::{about, n_axes, named};
 use crate::report::{Diagnostics, Span, quoted};
 
 /// A name and its position.
@@ -33,11 +34,7 @@ pub(crate) struct Closing {
     /// Predecessor and successor.
     pub(crate) links: [Named; 2],
     pub(crate) place: Place,
-    pub(crate) kind: CutKind,
-    /// In the predecessor's cut frame.
-    pub(crate) axis: [f64; 3],
-    /// In the successor's.
-    pub(crate) axis2: [f64; 3],
+    pub(crate) joint: CutJoint,
 }
 
 /// The positions of the two cut frames.
@@ -78,16 +75,14 @@ const ELEMENT: Shape = Shape {
 };
 
 /// The cut joint of a joint type.
-pub(super) fn kind(written: &str) -> Option<CutKind> {
-    Some(match written {
-        "revolute" | "continuous" | "hinge" => CutKind::Revolute,
-        "spherical" | "ball" => CutKind::Spherical,
-        "fixed" | "weld" => CutKind::Weld,
-        "prismatic" => CutKind::Prismatic,
-        "cylindrical" => CutKind::Cylindrical,
-        "universal" => CutKind::Universal,
-        _ => return None,
-    })
+pub(super) fn kind(written: &str) -> Option<CutJoint> {
+    match written {
+        "continuous" | "hinge" => named("revolute"),
+        "ball" => named("spherical"),
+        "fixed" => named("weld"),
+        "planar_revolute" => None,
+        _ => named(written),
+    }
 }
 
 /// The loops of one element of the robot.
@@ -177,13 +172,13 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         Some(axis) => axis?,
         None => [1.0, 0.0, 0.0],
     };
-    let place = match (axis2, kind.n_axes(), child(&["child_axis"])) {
+    let place = match (axis2, n_axes(kind), child(&["child_axis"])) {
         (Some(own), 1, Some(_)) => Place::Axes([first, second], [axis, own?]),
         _ => place,
     };
     let axis2 = match axis2 {
         Some(axis2) => axis2?,
-        None if kind == CutKind::Universal => {
+        None if matches!(kind, CutJoint::Universal { .. }) => {
             let found = format!("the universal loop {} has one axis", quoted(&name));
             let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
             reader.diagnostics.error(span, found, "two axes", help);
@@ -191,7 +186,8 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         }
         None => [0.0, 1.0, 0.0],
     };
-    closing(reader, Closing { name, is_unnamed: false, span, links, place, kind, axis, axis2 })
+    let joint = about(kind, axis, axis2);
+    closing(reader, Closing { name, is_unnamed: false, span, links, place, joint }, [axis, axis2])
 }
 
 /// `<drake:ball_constraint>`; other constraints of Drake are errors with the lines to write.
@@ -229,15 +225,17 @@ fn drake_constraint<'t>(
         span,
         links: [first, second],
         place: Place::Both([at_first, at_second]),
-        kind: CutKind::Spherical,
-        axis: [1.0, 0.0, 0.0],
-        axis2: [0.0, 1.0, 0.0],
+        joint: CutJoint::Spherical,
     })
 }
 
 /// A loop whose axes are directions; `None` after an error.
-pub(super) fn closing(reader: &mut Reader<'_, '_>, closing: Closing) -> Option<Closing> {
-    let bad = [closing.axis, closing.axis2].into_iter().find(|axis| {
+pub(super) fn closing(
+    reader: &mut Reader<'_, '_>,
+    closing: Closing,
+    axes: [[f64; 3]; 2],
+) -> Option<Closing> {
+    let bad = axes.into_iter().find(|axis| {
         let size = axis.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
         !(1e-50..=1e50).contains(&size)
     });

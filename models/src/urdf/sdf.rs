@@ -1,12 +1,13 @@
 //! Joints of SDF inside `<gazebo>`: how Gazebo closes a loop that URDF cannot hold.
 
 use roxmltree::Node;
+use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Placement;
 
 use super::closing::{Closing, Named, Place, closing, kind, passive, to_write, unknown};
 use super::origin;
 use super::xml::{Reader, Shape, child};
-use crate::cut::CutKind;
+use crate::cut::about;
 use crate::report::quoted;
 
 const JOINT: Shape = Shape {
@@ -40,7 +41,8 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let parent = parent?;
     let own = own?;
     let names = [parent.0.as_str(), own.0.as_str()];
-    let Some(kind) = kind(&written).filter(|kind| *kind != CutKind::Cylindrical) else {
+    let Some(kind) = kind(&written).filter(|kind| !matches!(kind, CutJoint::Cylindrical { .. }))
+    else {
         unknown(reader, at, &name, &written, names);
         return None;
     };
@@ -60,7 +62,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let mut axes = [[0.0, 0.0, 1.0]; 2];
     for (axis, element) in axes.iter_mut().zip(["axis", "axis2"]) {
         let Some(of) = child(node, element) else {
-            if element == "axis2" && kind == CutKind::Universal {
+            if element == "axis2" && matches!(kind, CutJoint::Universal { .. }) {
                 let found = format!("the universal joint {} has no `axis2`", quoted(&name));
                 let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
                 reader.diagnostics.error(span, found, "two axes", help);
@@ -83,10 +85,12 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
         *axis = reader.numbers_of_text::<3>(xyz)?;
     }
     // the second axis belongs to the child, which is the predecessor
-    let [axis, axis2] = if kind == CutKind::Universal { [axes[1], axes[0]] } else { axes };
+    let [axis, axis2] =
+        if matches!(kind, CutJoint::Universal { .. }) { [axes[1], axes[0]] } else { axes };
     let links = [own, parent];
     let place = Place::Predecessor(place);
-    closing(reader, Closing { name, is_unnamed: false, span, links, place, kind, axis, axis2 })
+    let joint = about(kind, axis, axis2);
+    closing(reader, Closing { name, is_unnamed: false, span, links, place, joint }, axes)
 }
 
 /// The pose of a `<pose>`, in radians, degrees or with a quaternion; `None` after an error.

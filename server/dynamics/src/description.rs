@@ -181,6 +181,14 @@ pub struct Limits {
 }
 
 impl Limits {
+    /// No limits.
+    pub const NONE: Limits = Limits {
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        velocity: f64::INFINITY,
+        effort: f64::INFINITY,
+    };
+
     /// The limits that are numbers: an infinite one is none.
     pub fn finite(self) -> JointLimits {
         let Limits { lower, upper, velocity, effort } = self;

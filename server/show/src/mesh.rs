@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use sarrus_models::triangles::{Triangle, binary_stl, obj};
 use serde_json::{Value, json};
 
 /// Steps of a side of a mesh, and of a hull: a hull has few triangles where its steps are coarse.
@@ -24,10 +25,11 @@ impl Mesh {
     /// Reads a file by its ending.
     pub(crate) fn read(path: &Path) -> Result<Mesh, String> {
         let bytes = std::fs::read(path).map_err(|error| format!("cannot be read: {error}"))?;
+        let corners = |of: Option<Vec<Triangle>>| of.map(|triangles| triangles.concat());
         let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
         let corners = match ending.as_ref().and_then(|ending| ending.to_str()) {
-            Some("stl") => binary_stl(&bytes).or_else(|| text_stl(&bytes)),
-            Some("obj") => obj(&bytes),
+            Some("stl") => corners(binary_stl(&bytes)).or_else(|| text_stl(&bytes)),
+            Some("obj") => corners(obj(&bytes)),
             _ => return Err("is neither STL nor OBJ".to_owned()),
         };
         let is_right = |corners: &Vec<[f64; 3]>| {
@@ -117,20 +119,6 @@ impl Mesh {
     }
 }
 
-fn binary_stl(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
-    let count = u32::from_le_bytes(*bytes.get(80..84)?.first_chunk()?) as usize;
-    let triangles = bytes.get(84..)?;
-    if triangles.len() < count.checked_mul(50)? || count == 0 {
-        return None;
-    }
-    let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
-    let corners = |triangle: &[u8; 50]| -> Vec<[f64; 3]> {
-        let numbers: Vec<f64> = triangle[12..48].as_chunks().0.iter().map(number).collect();
-        numbers.as_chunks().0.to_vec()
-    };
-    Some(triangles.as_chunks().0.iter().take(count).flat_map(corners).collect())
-}
-
 fn text_stl(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let lines = str::from_utf8(bytes).ok()?.lines();
     lines.filter_map(|line| line.trim().strip_prefix("vertex ")).map(point).collect()
@@ -139,28 +127,6 @@ fn text_stl(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
 fn point(words: &str) -> Option<[f64; 3]> {
     let mut numbers = words.split_whitespace().map(|word| word.parse().ok());
     Some([numbers.next()??, numbers.next()??, numbers.next()??])
-}
-
-/// Faces of more corners are cut into triangles from their first corner.
-fn obj(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
-    let mut points = Vec::new();
-    let mut corners = Vec::new();
-    for line in String::from_utf8_lossy(bytes).lines() {
-        if let Some(words) = line.strip_prefix("v ") {
-            points.push(point(words)?);
-        } else if let Some(words) = line.strip_prefix("f ") {
-            // numbers begin at one, negative ones count from the end
-            let corner = |word: &str| {
-                let number: i64 = word.split('/').next()?.parse().ok()?;
-                let place = if number < 0 { points.len() as i64 + number } else { number - 1 };
-                points.get(usize::try_from(place).ok()?).copied()
-            };
-            let face = words.split_whitespace().map(corner).collect::<Option<Vec<_>>>()?;
-            let (first, others) = face.split_first()?;
-            corners.extend(others.windows(2).flat_map(|pair| [*first, pair[0], pair[1]]));
-        }
-    }
-    Some(corners)
 }
 
 impl Packed {
@@ -277,15 +243,15 @@ mod tests {
         bytes.extend([0; 12]);
         bytes.extend(corners.iter().flatten().flat_map(|x| (*x as f32).to_le_bytes()));
         bytes.extend([0; 2]);
-        assert_eq!(binary_stl(&bytes).unwrap(), corners);
+        assert_eq!(binary_stl(&bytes).unwrap(), [corners]);
         assert!(binary_stl(&bytes[..130]).is_none());
         let text = "solid a\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0.5\n  vertex 1 0 0.5\n \
                     vertex 0 2 2.5e-1\n endloop\nendfacet\nendsolid a\n";
         assert_eq!(text_stl(text.as_bytes()).unwrap(), corners);
         let text = "# a\nv 0 0 0.5\nv 1 0 0.5\nv 0 2 0.25\nvn 0 0 1\nf 1//1 2//1 -1//1\n";
-        assert_eq!(obj(text.as_bytes()).unwrap(), corners);
+        assert_eq!(obj(text.as_bytes()).unwrap(), [corners]);
         let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
-        assert_eq!(obj(square.as_bytes()).unwrap().len(), 6);
+        assert_eq!(obj(square.as_bytes()).unwrap().len(), 2);
         assert!(obj(b"v 0 0 0\nf 1 2 3\n").is_none());
         let letters = |text: &str| base64(text.bytes());
         assert_eq!(["any", "an", "a"].map(letters), ["YW55", "YW4=", "YQ=="]);

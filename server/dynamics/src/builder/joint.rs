@@ -158,12 +158,7 @@ impl<'a> JointBuilder<'a> {
 
     /// The limits so far.
     fn any_limits(&mut self) -> Limits {
-        self.mine().limits.unwrap_or(Limits {
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-            velocity: f64::INFINITY,
-            effort: f64::INFINITY,
-        })
+        self.mine().limits.unwrap_or(Limits::NONE)
     }
 
     /// The link's pose follows the joint's origin.

@@ -128,92 +128,78 @@ impl Model<f64> {
     /// }
     /// ```
     pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
-        assemble(self, near, weights)
+        let order = &self.order;
+        let (near, weights) = checked(self, near, weights)?;
+        let mut q = near.clone();
+        let mut found = Assembled {
+            q: Vec::new(),
+            residual: 0.0,
+            residual_before: 0.0,
+            distance: 0.0,
+            iterations: 0,
+            branch: Vec::new(),
+        };
+        let mut open = false;
+        let mut slope = 0.0;
+        // a cluster without ranked rows has no branch
+        let judged = |c: &&usize| !self.clusters[**c].used.is_empty();
+        let branches: Vec<usize> = order.branches.iter().filter(judged).copied().collect();
+        found.branch = vec![0.0; branches.len()];
+
+        // one cluster does not know of another
+        for &c in &self.closed_clusters {
+            let cluster = &self.clusters[c];
+            let bodies = self.bodies_of(cluster);
+            let range = cluster.coordinates();
+            let problem =
+                Problem::new(cluster, bodies, &near[range.clone()], &weights[cluster.velocities()]);
+            let mut candidate = Candidate::new(&problem, near[range.clone()].to_vec());
+            found.residual_before = found.residual_before.max(candidate.residual);
+            let closed = problem.close_somewhere(&mut candidate, &mut found.iterations);
+            if closed {
+                slope = f64::max(slope, problem.descend(&mut candidate, &mut found.iterations));
+            }
+            open |= !closed;
+            found.residual = found.residual.max(candidate.residual);
+            q[range].copy_from_slice(&candidate.q);
+            if let Some(at) = branches.iter().position(|branch| *branch == c) {
+                found.branch[at] = assess(cluster, bodies, &candidate.q).1;
+            }
+            // squared distance of the joints that may move
+            let gone = problem.away(&candidate.q);
+            let square: f64 =
+                problem.free.iter().map(|v| weights[cluster.v + v] * gone[*v] * gone[*v]).sum();
+            found.distance = found.distance.hypot(square.sqrt());
+        }
+        found.q = order.q.iter().map(|at| q[*at]).collect();
+        if open {
+            return Err(AssembleError::Unreachable { residual: found.residual, nearest: found.q });
+        }
+        if slope > descend::FLAT {
+            return Err(AssembleError::NotConverged {
+                slope,
+                residual: found.residual,
+                nearest: found.q,
+            });
+        }
+        Ok(found)
     }
 
     /// The zero pose of the joints as described, closed or not; quaternions at rest (n_q).
     pub fn tree_zero(&self) -> Vec<f64> {
-        zero(self)
+        self.order.q.iter().map(|at| self.described_zero[*at]).collect()
     }
 
     /// Unit of distance along each tree velocity in [`Model::assemble`]: 1 rad, or the length of
     /// the joint's cluster `[m]` (n_v).
     pub fn tree_units(&self) -> Vec<f64> {
-        units(self)
-    }
-}
-
-/// The zero pose in the order of users.
-fn zero(model: &Model<f64>) -> Vec<f64> {
-    model.order.q.iter().map(|at| model.described_zero[*at]).collect()
-}
-
-/// The units of all velocities in the order of users.
-fn units(model: &Model<f64>) -> Vec<f64> {
-    let mut units = vec![1.0; model.order.v.len()];
-    for cluster in &model.clusters {
-        problem::units(cluster).into_iter().enumerate().for_each(|(v, x)| units[cluster.v + v] = x);
-    }
-    model.order.v.iter().map(|at| units[*at]).collect()
-}
-
-/// Closes every closed cluster near a pose.
-fn assemble(model: &Model<f64>, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
-    let order = &model.order;
-    let (near, weights) = checked(model, near, weights)?;
-    let mut q = near.clone();
-    let mut found = Assembled {
-        q: Vec::new(),
-        residual: 0.0,
-        residual_before: 0.0,
-        distance: 0.0,
-        iterations: 0,
-        branch: Vec::new(),
-    };
-    let mut open = false;
-    let mut slope = 0.0;
-    // a cluster without ranked rows has no branch
-    let judged = |c: &&usize| !model.clusters[**c].used.is_empty();
-    let branches: Vec<usize> = order.branches.iter().filter(judged).copied().collect();
-    found.branch = vec![0.0; branches.len()];
-
-    // one cluster does not know of another
-    for &c in &model.closed_clusters {
-        let cluster = &model.clusters[c];
-        let bodies = model.bodies_of(cluster);
-        let range = cluster.coordinates();
-        let problem =
-            Problem::new(cluster, bodies, &near[range.clone()], &weights[cluster.velocities()]);
-        let mut candidate = Candidate::new(&problem, near[range.clone()].to_vec());
-        found.residual_before = found.residual_before.max(candidate.residual);
-        let closed = problem.close_somewhere(&mut candidate, &mut found.iterations);
-        if closed {
-            slope = f64::max(slope, problem.descend(&mut candidate, &mut found.iterations));
+        let mut units = vec![1.0; self.order.v.len()];
+        for cluster in &self.clusters {
+            let own = problem::units(cluster).into_iter().enumerate();
+            own.for_each(|(v, x)| units[cluster.v + v] = x);
         }
-        open |= !closed;
-        found.residual = found.residual.max(candidate.residual);
-        q[range].copy_from_slice(&candidate.q);
-        if let Some(at) = branches.iter().position(|branch| *branch == c) {
-            found.branch[at] = assess(cluster, bodies, &candidate.q).1;
-        }
-        // squared distance of the joints that may move
-        let gone = problem.away(&candidate.q);
-        let square: f64 =
-            problem.free.iter().map(|v| weights[cluster.v + v] * gone[*v] * gone[*v]).sum();
-        found.distance = found.distance.hypot(square.sqrt());
+        self.order.v.iter().map(|at| units[*at]).collect()
     }
-    found.q = order.q.iter().map(|at| q[*at]).collect();
-    if open {
-        return Err(AssembleError::Unreachable { residual: found.residual, nearest: found.q });
-    }
-    if slope > descend::FLAT {
-        return Err(AssembleError::NotConverged {
-            slope,
-            residual: found.residual,
-            nearest: found.q,
-        });
-    }
-    Ok(found)
 }
 
 /// The given pose and weights in the order of the bodies; quaternions to the last digit of unit

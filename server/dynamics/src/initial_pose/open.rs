@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::compile::Assembly;
 use crate::description::Description;
 use crate::diagnostic::CompileError;
-use crate::initial_pose::{AssembleError, Assembled, assemble, units, zero};
+use crate::initial_pose::{AssembleError, Assembled};
 use crate::model::Model;
 use crate::scalar::{Dd, Real};
 
@@ -38,17 +38,17 @@ impl OpenModel {
     /// # Errors
     /// As of [`Model::assemble`].
     pub fn assemble(&self, near: &[f64], weights: &[f64]) -> Result<Assembled, AssembleError> {
-        assemble(&self.model, near, weights)
+        self.model.assemble(near, weights)
     }
 
     /// As [`Model::tree_zero`].
     pub fn tree_zero(&self) -> Vec<f64> {
-        zero(&self.model)
+        self.model.tree_zero()
     }
 
     /// As [`Model::tree_units`].
     pub fn tree_units(&self) -> Vec<f64> {
-        units(&self.model)
+        self.model.tree_units()
     }
 
     /// Names in the order of q̇ (n_v).

@@ -137,16 +137,12 @@ impl<'a> Problem<'a> {
                 Motion::Revolute | Motion::Prismatic => {
                     d[v] = (q[at] - self.near[at]) / self.unit[v]
                 }
-                Motion::Spherical => d[v..v + 3]
-                    .copy_from_slice(&turned(&self.near[first..first + 4], &q[first..first + 4])),
-                Motion::Floating => {
-                    d[v..v + 3].copy_from_slice(&turned(
-                        &self.near[first..first + 4],
-                        &q[first..first + 4],
-                    ));
-                    (0..3).for_each(|i| {
-                        d[v + 3 + i] = (q[at + i] - self.near[at + i]) / self.unit[v + 3]
-                    });
+                Motion::Spherical | Motion::Floating => {
+                    let turn = turned(&self.near[first..first + 4], &q[first..first + 4]);
+                    d[v..v + 3].copy_from_slice(&turn);
+                    for i in 3..body.motion.n_v() {
+                        d[v + i] = (q[at + i - 3] - self.near[at + i - 3]) / self.unit[v + 3];
+                    }
                 }
             }
         }

@@ -1,15 +1,14 @@
 //! Forces on the robot: lists of numbers, tables over time, gains, springs.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
 use sarrus_dynamics::Model;
 use sarrus_models::nearest_first;
-use sarrus_report::csv_rows::{self, Row};
 use sarrus_simulation::{Input, Point, Source, Space, Spring};
 
+use crate::commands::table::table as read;
 use crate::commands::{Choices, choice};
 
 /// Numbers separated by commas.
@@ -159,11 +158,7 @@ fn point(text: &str, model: &Model<f64>) -> Result<Point, String> {
 /// Forces over time from a file.
 fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
     let file = path.display();
-    let text = fs::read_to_string(path).map_err(|error| {
-        format!("cannot read {file}: {error}; give the path of a readable file")
-    })?;
-    let mut rows = csv_rows::read(&text).map_err(|error| format!("{file}: {error}"))?.into_iter();
-    let heads = rows.next().map(|row| row.cells).unwrap_or_default();
+    let (_, rows, heads) = read(path).map_err(|failure| failure.reason)?;
     let Some((_, names)) = heads.split_first().filter(|(first, _)| *first == "time") else {
         return Err(format!(
             "{file}:1: found {:?}, expected a first line `time,NAME,...`",
@@ -186,35 +181,13 @@ fn table(path: &Path, model: &Model<f64>) -> Result<Input, String> {
             independents.join(", ")
         ));
     };
-    let mut times = Vec::new();
-    let mut forces = Vec::new();
-    for Row { line, cells: row } in rows {
-        let at = |column: usize| format!("{file}:{line}:{}", column + 1);
-        if row.len() != heads.len() {
-            return Err(format!(
-                "{}: found {} cell(s), expected {}",
-                at(0),
-                row.len(),
-                heads.len()
-            ));
-        }
-        let mut numbers = Vec::new();
-        for (column, cell) in row.iter().enumerate() {
-            let number = cell.parse::<f64>().ok().filter(|x| x.is_finite());
-            numbers.push(number.ok_or_else(|| {
-                format!(
-                    "{}: found `{cell}` in column `{}`, expected a finite number",
-                    at(column),
-                    heads[column]
-                )
-            })?);
-        }
-        // joints without a column get no force
-        let of_joint = |name: &String| {
-            names.iter().position(|head| head == name).map_or(0.0, |column| numbers[column + 1])
-        };
-        forces.push(names_of(model, space).iter().map(of_joint).collect());
-        times.push(numbers[0]);
-    }
+    // joints without a column get no force
+    let column = |name: &String| names.iter().position(|head| head == name);
+    let forces = |row: &Vec<f64>| {
+        let force = |name: &String| column(name).map_or(0.0, |column| row[column + 1]);
+        names_of(model, space).iter().map(force).collect()
+    };
+    let times = rows.iter().map(|row| row[0]).collect();
+    let forces = rows.iter().map(forces).collect();
     Ok(Input { space, source: Source::Table { times, forces } })
 }

@@ -73,8 +73,7 @@ fn limited(robot: &Robot) -> Outcome<Robot> {
     let mut of = robot.description.clone();
     let names = robot.compiled.model.active_names();
     for joint in of.joints.iter_mut().filter(|joint| names.contains(&joint.name)) {
-        let [lower, upper] = [f64::NEG_INFINITY, f64::INFINITY];
-        joint.limits = Some(Limits { lower, upper, velocity: 2.0, effort: FORCE });
+        joint.limits = Some(Limits { velocity: 2.0, effort: FORCE, ..Limits::NONE });
         joint.terms.rotor_inertia = 0.01;
     }
     Robot::new(&robot.name, of)
