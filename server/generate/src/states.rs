@@ -1,6 +1,6 @@
 //! Random inputs of a plan.
 
-use sarrus_dynamics::{Field, FieldSet, Layout, Model, ModelInfo, Plan, Query, Request, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Layout, Model, ModelInfo, Plan, Planned, Query, Request};
 
 /// Part of the range of each coordinate, in turns: far out closures may be out of reach.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.1];
@@ -14,7 +14,7 @@ pub struct RandomInputs<'a> {
     model: &'a Model<f64>,
     given: &'a Layout,
     /// From y, and ẏ, to the closed pose that is a guess.
-    guess: Option<(Plan, Workspace<f64>)>,
+    guess: Option<Planned>,
 }
 
 impl<'a> RandomInputs<'a> {
@@ -29,11 +29,7 @@ impl<'a> RandomInputs<'a> {
             to.push(Qd);
         }
         let query = Query::new(Request::Kinematics, FieldSet::of(&from), FieldSet::of(&to));
-        let plan = given.slot(QGuess).and_then(|_| Plan::new(model, &query).ok());
-        let guess = plan.map(|plan| {
-            let workspace = Workspace::for_plans(model, [&plan]);
-            (plan, workspace)
-        });
+        let guess = given.slot(QGuess).and_then(|_| Planned::new(model, &query).ok());
         RandomInputs { model, given, guess }
     }
 
@@ -42,19 +38,18 @@ impl<'a> RandomInputs<'a> {
     pub fn input(&mut self, k: u64) -> Vec<f64> {
         let info = self.model.info();
         let mut input = random_input(info, self.given, k);
-        if let Some((plan, workspace)) = &mut self.guess {
-            let mut near = random_input(info, plan.given(), k);
-            if let (Some(own), Some(y)) = (self.given.slot(Field::Y), plan.given().slot(Field::Y)) {
-                near[y.range()].copy_from_slice(&input[own.range()]);
-                for (x, name) in near[y.range()].iter_mut().zip(&info.independent_q) {
-                    *x *= if name.contains('/') { 1.0 } else { GUESS };
-                }
+        if let Some(near) = &mut self.guess {
+            near.input = random_input(info, near.plan.given(), k);
+            if let Some(own) = self.given.slot(Field::Y) {
+                let names = input[own.range()].iter().zip(&info.independent_q);
+                let part = |name: &String| if name.contains('/') { 1.0 } else { GUESS };
+                let y: Vec<f64> = names.map(|(x, name)| x * part(name)).collect();
+                near.give(Field::Y, &y);
             }
-            let mut closed = vec![0.0; plan.want().len()];
-            let _ = plan.run(self.model, workspace, &near, &mut closed);
+            let _ = near.run(self.model);
             for (guess, of) in [(Field::QGuess, Field::Q), (Field::QdGuess, Field::Qd)] {
-                if let (Some(to), Some(from)) = (self.given.slot(guess), plan.want().slot(of)) {
-                    input[to.range()].copy_from_slice(&closed[from.range()]);
+                if let Some(to) = self.given.slot(guess) {
+                    input[to.range()].copy_from_slice(near.get(of));
                 }
             }
         }

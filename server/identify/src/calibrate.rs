@@ -13,7 +13,7 @@
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{
-    Field, FieldSet, Model, OpenModel, Plan, Query, Request, Workspace, displaced, rezeroed,
+    Field, FieldSet, Model, OpenModel, Planned, Query, Request, displaced, rezeroed,
 };
 use serde_json::{Map, Value, json};
 
@@ -172,9 +172,7 @@ fn stacked(
 ) -> Result<Triangle, IdentifyError> {
     let n = model.sizes().n_vy;
     let want = FieldSet::of(&[Field::Q, Field::G, Field::DgammaDtheta]);
-    let plan = Plan::new(model, &Query::new(Request::Kinematics, Field::Y.into(), want))?;
-    let mut workspace = Workspace::for_plans(model, [&plan]);
-    let mut output = vec![0.0; plan.want().len()];
+    let mut planned = Planned::new(model, &Query::new(Request::Kinematics, Field::Y.into(), want))?;
     let width = model.sizes().n_geometry();
     let mut all = Triangle::new(encoders.len() + width + 1);
     for (k, row) in rows.iter().enumerate() {
@@ -184,15 +182,15 @@ fn stacked(
             encoder.map_or(0.0, measured)
         };
         let y: Vec<f64> = model.independent_q_names().iter().map(of_y).collect();
-        answered(plan.run(model, &mut workspace, &y, &mut output).status, k)?;
-        let get = |field| plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
+        planned.give(Field::Y, &y);
+        answered(planned.run(model).status, k)?;
         // errors of y first
         let mut own = Triangle::new(n + all.n);
         for (e, of) in encoders.iter().enumerate() {
-            let mut line = get(Field::G)[of.v * n..][..n].to_vec();
+            let mut line = planned.get(Field::G)[of.v * n..][..n].to_vec();
             line.extend((0..encoders.len()).map(|i| f64::from(u8::from(i == e))));
-            line.extend_from_slice(&get(Field::DgammaDtheta)[of.v * width..][..width]);
-            line.push(measured((e, of)) - get(Field::Q)[of.q]);
+            line.extend_from_slice(&planned.get(Field::DgammaDtheta)[of.v * width..][..width]);
+            line.push(measured((e, of)) - planned.get(Field::Q)[of.q]);
             line.iter_mut().for_each(|x| *x /= of.unit);
             own.add(&mut line);
         }

@@ -1,8 +1,6 @@
 //! Rows of forces by parameters at one state after the other.
 
-use sarrus_dynamics::{
-    Field, FieldSet, Model, Plan, Query, QueryOptions, Request, Status, Workspace,
-};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request, Status};
 
 use crate::IdentifyError;
 use crate::dense::dot;
@@ -11,10 +9,7 @@ use crate::log::Sample;
 /// Answers states with their rows.
 pub(crate) struct Stack<'a> {
     model: &'a Model<f64>,
-    plan: Plan,
-    workspace: Workspace<f64>,
-    input: Vec<f64>,
-    output: Vec<f64>,
+    planned: Planned,
     parameters: Vec<f64>,
     /// Rows are those of the actuators: each mechanism has as many as freedoms. Otherwise those of
     /// the independents.
@@ -36,16 +31,8 @@ impl<'a> Stack<'a> {
         let want = [&rows[..], &[Field::GU]].concat();
         let query = Query::new(Request::InverseDynamics, FieldSet::of(&given), FieldSet::of(&want))
             .with_options(QueryOptions::FRICTION);
-        let plan = Plan::new(model, &query)?;
-        Ok(Stack {
-            workspace: Workspace::for_plans(model, [&plan]),
-            input: vec![0.0; plan.given().len()],
-            output: vec![0.0; plan.want().len()],
-            parameters: model.parameters(),
-            plan,
-            model,
-            by_actuators,
-        })
+        let planned = Planned::new(model, &query)?;
+        Ok(Stack { parameters: model.parameters(), planned, model, by_actuators })
     }
 
     /// Rows at each state.
@@ -54,27 +41,18 @@ impl<'a> Stack<'a> {
         if self.by_actuators { sizes.n_u } else { sizes.n_vy }
     }
 
-    fn get(&self, field: Field) -> &[f64] {
-        self.plan.want().slot(field).map_or(&[], |slot| &self.output[slot.range()])
-    }
-
     /// Computes a state.
     pub(crate) fn at(&mut self, sample: &Sample) -> Status {
-        for (field, numbers) in
-            [(Field::Y, &sample.y), (Field::Yd, &sample.yd), (Field::Ydd, &sample.ydd)]
-        {
-            if let Some(slot) = self.plan.given().slot(field) {
-                self.input[slot.range()].copy_from_slice(numbers);
-            }
-        }
-        let Stack { model, plan, workspace, input, output, .. } = self;
-        plan.run(*model, workspace, input, output).status
+        self.planned.give(Field::Y, &sample.y);
+        self.planned.give(Field::Yd, &sample.yd);
+        self.planned.give(Field::Ydd, &sample.ydd);
+        self.planned.run(self.model).status
     }
 
     /// The rows of the state.
     pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         let field = if self.by_actuators { Field::RegressorU } else { Field::RegressorY };
-        self.get(field).chunks_exact(self.parameters.len().max(1))
+        self.planned.get(field).chunks_exact(self.parameters.len().max(1))
     }
 
     /// The part of the measured forces that parameters explain: without springs.
@@ -83,12 +61,13 @@ impl<'a> Stack<'a> {
         let measured = if self.by_actuators {
             tau_u.to_vec()
         } else {
-            let G_u = self.get(Field::GU);
+            let G_u = self.planned.get(Field::GU);
             (0..n_vy)
                 .map(|k| (tau_u.iter().enumerate()).map(|(u, x)| G_u[u * n_vy + k] * x).sum())
                 .collect()
         };
-        let of_model = self.get(if self.by_actuators { Field::TauU } else { Field::TauY });
+        let field = if self.by_actuators { Field::TauU } else { Field::TauY };
+        let of_model = self.planned.get(field);
         let others =
             of_model.iter().zip(self.rows()).map(|(tau, row)| tau - dot(row, &self.parameters));
         measured.iter().zip(others).map(|(tau, others)| tau - others).collect()

@@ -1,7 +1,7 @@
 //! References: the same model, the same inputs, the same code in double-double.
 
 use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Layout, Method, Plan, Planned, Status};
 
 use crate::Outcome;
 use crate::robots::{Question, Robot, Start, Subject, packed};
@@ -10,8 +10,7 @@ use crate::robots::{Question, Robot, Start, Subject, packed};
 pub struct Reference {
     /// Place of the variant among those of its robot.
     place: usize,
-    plan: Plan,
-    workspace: Workspace<Dd>,
+    planned: Planned<Dd>,
     /// The answer on each state, once computed.
     outputs: Vec<Vec<Dd>>,
 }
@@ -39,35 +38,29 @@ impl Reference {
             Subject::Chain(_) => Plan::with_method(model, &query, Method::Recursion)?,
             _ => Plan::new(model, &query)?,
         };
-        Ok(Reference {
-            place,
-            workspace: Workspace::for_plans(model, [&plan]),
-            plan,
-            outputs: Vec::new(),
-        })
+        Ok(Reference { place, planned: Planned::of(model, plan), outputs: Vec::new() })
     }
 
     /// Computes missing answers on all states up to this one.
     pub fn compute(&mut self, robot: &Robot, state: usize) -> Outcome {
         let model = &robot.variants[self.place].compiled.exact;
         for state in self.outputs.len()..=state {
-            let input = packed(&self.plan, &robot.states[state], self.place);
-            let input: Vec<Dd> = input.into_iter().map(Dd::from).collect();
-            let mut output = vec![Dd::from(0.0); self.plan.want().len()];
-            let answer = self.plan.run(model, &mut self.workspace, &input, &mut output);
+            let input = packed(&self.planned.plan, &robot.states[state], self.place);
+            self.planned.input = input.into_iter().map(Dd::from).collect();
+            let answer = self.planned.run(model);
             if answer.status != Status::Ok {
                 let Robot { name, .. } = robot;
                 let status = answer.status;
                 return Err(format!("{name}, state {state}: {status} in double-double").into());
             }
-            self.outputs.push(output);
+            self.outputs.push(self.planned.output.clone());
         }
         Ok(())
     }
 
     /// The exact numbers of a field at a state.
     fn numbers(&self, state: usize, field: Field) -> &[Dd] {
-        let slot = self.plan.want().slot(field);
+        let slot = self.planned.plan.want().slot(field);
         slot.map_or(&[], |slot| &self.outputs[state][slot.range()])
     }
 

@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use sarrus_dynamics::description::{Description, Inertial, SubmechanismKind};
 use sarrus_dynamics::{
-    Compiled, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, OpenModel, Plan, Query,
-    Request, Status, Workspace,
+    Compiled, CutJoint, DescriptionBuilder, Field, FieldSet, LinkId, Model, OpenModel, Plan,
+    Planned, Query, Request, Status,
 };
 use sarrus_generate::{GenerateError, Kernel, Lengths, RandomInputs, Script};
 use serde_json::{Value, json};
@@ -250,15 +250,12 @@ impl Mechanism {
             };
             let lengths: Vec<f64> = (0..self.lengths.len()).map(part).collect();
             let Ok(Compiled { model, .. }) = self.compile(&lengths) else { continue };
-            let plan = plan(&model, &[])?;
-            let input = RandomInputs::new(&model, &plan).input(k);
-            let mut output = vec![0.0; plan.want().len()];
-            let mut workspace = Workspace::for_plans(&model, [&plan]);
-            if plan.run(&model, &mut workspace, &input, &mut output).status == Status::Ok {
-                let part = |field| plan.want().slot(field).map(|slot| &output[slot.range()]);
-                let y = &input[..model.info().independent_q.len()];
-                let q = part(Field::Q);
-                found.push(json!({"lengths": lengths, "y": y, "q": q, "G": part(Field::G)}));
+            let mut planned = Planned::of(&model, plan(&model, &[])?);
+            planned.input = RandomInputs::new(&model, &planned.plan).input(k);
+            if planned.run(&model).status == Status::Ok {
+                let y = &planned.input[..model.info().independent_q.len()];
+                let [q, jacobian] = [Field::Q, Field::G].map(|field| planned.get(field));
+                found.push(json!({"lengths": lengths, "y": y, "q": q, "G": jacobian}));
             }
         }
         Ok(found)

@@ -1,6 +1,6 @@
 //! A motion as a page: the robot beside its curves.
 
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request, Status};
 use sarrus_models::Loaded;
 use serde_json::{Value, json};
 
@@ -119,21 +119,20 @@ fn checks(loaded: &Loaded, q: &[f64]) -> Vec<Value> {
     let links: Vec<u16> = (0..info.links.len() as u16).collect();
     let of = |links: &[u16]| {
         let query = Query::new(Request::Kinematics, given, want).with_frames(links);
-        let plan = Plan::new(model, &query).ok()?;
-        let mut output = vec![0.0; plan.want().len()];
-        let mut workspace = Workspace::for_plans(model, [&plan]);
-        let input = [&y, q].concat();
-        if plan.run(model, &mut workspace, &input, &mut output).status != Status::Ok {
+        let mut planned = Planned::new(model, &query).ok()?;
+        planned.give(Field::Y, &y);
+        planned.give(Field::QGuess, q);
+        if planned.run(model).status != Status::Ok {
             return None;
         }
-        let part = |field| plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
         // links in the order of the description
         let place = |link: &u16| {
             let name = &info.links[usize::from(*link)];
             loaded.description.links.iter().position(|other| other.name == *name)
         };
         let places = links.iter().map(place).collect::<Option<Vec<_>>>()?;
-        Some(json!({"q": part(Field::Q), "links": places, "poses": part(Field::FramePose)}))
+        let [q, poses] = [Field::Q, Field::FramePose].map(|field| planned.get(field));
+        Some(json!({"q": q, "links": places, "poses": poses}))
     };
     links.chunks(FRAMES).filter_map(of).collect()
 }

@@ -6,7 +6,7 @@
 //! coordinates are integrated; loops are closed exactly at every evaluation. The crate uses no
 //! file, clock or thread.
 //!
-//! Each module depends only on those before it: `coordinates` and `planned`; `forces`; `motion`,
+//! Each module depends only on those before it: `coordinates`; `forces`; `motion`,
 //! the right-hand side; `methods`, one a file; `run`. By itself beside them stands `timing`: the
 //! fastest motion along a path ([`time_path`]).
 //!
@@ -37,7 +37,6 @@ mod error;
 mod forces;
 mod methods;
 mod motion;
-mod planned;
 mod run;
 mod timing;
 

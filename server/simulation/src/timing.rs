@@ -9,10 +9,9 @@
 //! and ẏ. Inverse dynamics looks at it, and the passes are repeated with narrower limits where it
 //! finds more than [`ALLOWED`].
 
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
 
 use crate::error::SimulationError;
-use crate::planned::Planned;
 
 /// By how much of a limit a motion may exceed it between the points of the grid.
 pub const ALLOWED: f64 = 1e-3;
@@ -153,7 +152,6 @@ struct Point {
 
 struct Timing<'a> {
     model: &'a Model<f64>,
-    workspace: Workspace<f64>,
     planned: Planned<f64>,
     joints: Vec<Joint>,
 }
@@ -177,8 +175,7 @@ impl Timing<'_> {
                 velocity: limits.velocity.unwrap_or(f64::INFINITY),
             })
         });
-        let workspace = Workspace::for_plans(model, [&planned.plan]);
-        Ok(Timing { model, workspace, planned, joints: joints.collect() })
+        Ok(Timing { model, planned, joints: joints.collect() })
     }
 
     /// Inverse dynamics.
@@ -186,7 +183,7 @@ impl Timing<'_> {
         self.planned.give(Field::Y, y);
         self.planned.give(Field::Yd, yd);
         self.planned.give(Field::Ydd, ydd);
-        let answer = self.planned.run(self.model, &mut self.workspace);
+        let answer = self.planned.run(self.model);
         match answer.status {
             sarrus_dynamics::Status::Ok => Ok(()),
             status => Err(Stop::Status { row: place, status }),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Status, TaskParts, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status, TaskParts};
 use sarrus_models::Loaded;
 use sarrus_report::csv_rows::{self, LineEnd};
 use sarrus_report::measure::progress::Progress;
@@ -88,28 +88,26 @@ impl Time {
         let loops = FieldSet::of(if model.sizes().n_c > 0 { &[Field::SigmaMin] } else { &[] });
         let want = loops.with(Field::Q).with(Field::U);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
-        let plan = Plan::new(model, &query).map_err(Failure::start)?;
-        let mut workspace = Workspace::for_plans(model, [&plan]);
+        let mut planned = Planned::new(model, &query).map_err(Failure::start)?;
         let places = sparse(timed.times.len(), POINTS);
         let rows: Vec<_> = places.iter().filter_map(|k| timed.rows.get(*k)).collect();
-        let mut state = |[y, ..]: &&[Vec<f64>; 4]| {
-            let mut output = vec![0.0; plan.want().len()];
+        let mut fields = [const { Vec::new() }; 3];
+        for [y, ..] in &rows {
+            planned.give(Field::Y, y);
             // without an answer the numbers are NaN
-            let _ = plan.run(model, &mut workspace, y, &mut output);
-            output
-        };
-        let states: Vec<Vec<f64>> = rows.iter().map(&mut state).collect();
-        let field = |field| -> Vec<Vec<f64>> {
-            let range = plan.want().slot(field).map(|slot| slot.range()).unwrap_or_default();
-            states.iter().map(|state| state[range.clone()].to_vec()).collect()
-        };
+            let _ = planned.run(model);
+            for (rows, field) in fields.iter_mut().zip([Field::Q, Field::SigmaMin, Field::U]) {
+                rows.push(planned.get(field).to_vec());
+            }
+        }
+        let [q, sigma_min, u] = fields;
         let of = |k: usize| rows.iter().map(|row| row[k].clone()).collect::<Vec<_>>();
         let page = Motion {
             samples: timed.times.len(),
             times: places.iter().filter_map(|k| timed.times.get(*k).copied()).collect(),
-            q: field(Field::Q),
-            sigma_min: field(Field::SigmaMin).concat(),
-            charts: charts(loaded, [of(0), of(1), field(Field::U), of(3)]),
+            q,
+            sigma_min: sigma_min.concat(),
+            charts: charts(loaded, [of(0), of(1), u, of(3)]),
             texts: vec![about.to_owned()],
             command: command_line(),
         };
@@ -144,28 +142,22 @@ impl Time {
         }
         let given = FieldSet::of(&[Field::YGuess]);
         let query = Query::new(Request::InverseKinematics, given, FieldSet::of(&[Field::Y]));
-        let plan = Plan::new(model, &query.with_tasks(&tasks)).map_err(Failure::start)?;
-        let mut workspace = Workspace::for_plans(model, [&plan]);
-        let mut y = vec![0.0; plan.want().len()];
+        let query = query.with_tasks(&tasks);
+        let mut planned = Planned::new(model, &query).map_err(Failure::start)?;
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for (line, row) in lines.iter().zip(numbers) {
-            let mut input = vec![0.0; plan.given().len()];
-            let slot = |field| plan.given().slot(field).map(|slot| slot.range());
-            if let (Some(range), Some(before)) = (slot(Field::YGuess), rows.last()) {
-                input[range].copy_from_slice(before);
+            if let Some(before) = rows.last() {
+                planned.give(Field::YGuess, before);
             }
-            if let Some(range) = slot(Field::TaskTarget) {
-                for (to, pose) in input[range].chunks_mut(11).zip(row.chunks(POSE.len())) {
-                    to[..7].copy_from_slice(pose);
-                    to[9..].fill(1.0);
-                }
-            }
-            let answer = plan.run(model, &mut workspace, &input, &mut y);
+            let poses = row.chunks(POSE.len());
+            let targets = poses.flat_map(|pose| [pose, &[0.0, 0.0, 1.0, 1.0]].concat());
+            planned.give(Field::TaskTarget, &targets.collect::<Vec<f64>>());
+            let answer = planned.run(model);
             if answer.status != Status::Ok {
                 let status = answer.status.name();
                 return Err(Failure::finding(format!("{file}:{line}: the pose is {status}")));
             }
-            rows.push(y.clone());
+            rows.push(planned.get(Field::Y).to_vec());
         }
         Ok(rows)
     }

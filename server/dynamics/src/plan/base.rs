@@ -5,9 +5,8 @@ use sarrus_factorisations::{Mat, pivoted_qr};
 use sarrus_proto::{Field, FieldSet, Query, QueryError, QueryOptions, Request, Status};
 
 use crate::model::Model;
-use crate::plan::Plan;
+use crate::plan::Planned;
 use crate::scalar::{Real, noise};
-use crate::workspace::Workspace;
 
 /// Part of a column that it adds to the others below which it may be rounding.
 const DEPENDENT: f64 = 1e-8;
@@ -39,17 +38,15 @@ pub fn base_parameters(model: &Model<f64>) -> Result<Base, QueryError> {
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
     let query = Query::new(Request::InverseDynamics, given, Field::RegressorY.into())
         .with_options(QueryOptions::FRICTION);
-    let plan = Plan::new(model, &query)?;
-    let mut workspace = Workspace::for_plans(model, [&plan]);
-    let mut output = vec![0.0; plan.want().len()];
+    let mut planned = Planned::new(model, &query)?;
     let states = 3 * n / model.sizes().n_vy.max(1) + 8;
-    let mut rows = Vec::with_capacity(states * output.len());
+    let mut rows = Vec::with_capacity(states * planned.output.len());
     for k in 0..50 * states {
-        let input = state(model, k);
-        if plan.run(model, &mut workspace, &input, &mut output).status == Status::Ok {
-            rows.extend_from_slice(&output);
+        planned.input = state(model, k);
+        if planned.run(model).status == Status::Ok {
+            rows.extend_from_slice(&planned.output);
         }
-        if rows.len() == states * output.len() {
+        if rows.len() == states * planned.output.len() {
             return Ok(Base::of_rows(&rows, n));
         }
     }

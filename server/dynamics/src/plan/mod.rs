@@ -17,6 +17,7 @@ mod newton;
 mod observer;
 mod outline;
 mod output;
+mod planned;
 mod regressor;
 mod run;
 mod scratch;
@@ -35,6 +36,7 @@ pub(crate) use forces::wrenches_on_bodies;
 pub(crate) use kkt::{Drift, drift_of, tree_under_constraints};
 pub use newton::{NewtonBlock, NewtonCluster};
 pub use outline::Outline;
+pub use planned::Planned;
 pub use run::PlanScalar;
 
 pub(crate) use sarrus_proto::Answer;

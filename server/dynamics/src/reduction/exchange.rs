@@ -4,10 +4,9 @@ use sarrus_proto::{Field, FieldSet, Query, Request, Status};
 
 use crate::description::{Description, JointKind};
 use crate::model::Model;
-use crate::plan::Plan;
+use crate::plan::Planned;
 use crate::reduction::pose::{at, n_v};
 use crate::scalar::noise;
-use crate::workspace::Workspace;
 
 /// Number of poses at which joints that are still at the zero pose are checked, and their distance,
 /// in radians or mechanism lengths.
@@ -85,14 +84,13 @@ impl Gains {
         }
         let want = FieldSet::of(&[Field::G]);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
-        let plan = Plan::new(model, &query).ok()?;
-        let mut G = vec![0.0; plan.want().len()];
-        let answer = plan.run(model, &mut Workspace::new(model), &y, &mut G);
-        if answer.status != Status::Ok {
+        let mut planned = Planned::new(model, &query).ok()?;
+        planned.give(Field::Y, &y);
+        if planned.run(model).status != Status::Ok {
             return None;
         }
         let mut rows = vec![Vec::new(); n];
-        let mut G = G.chunks_exact(units.len().max(1));
+        let mut G = planned.output.chunks_exact(units.len().max(1));
         for (s, of) in description.submechanisms.iter().enumerate() {
             for &j in &of.spanning_tree {
                 let own: Vec<&[f64]> = G.by_ref().take(n_v(description.joints[j].kind)).collect();

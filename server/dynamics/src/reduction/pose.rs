@@ -10,10 +10,9 @@ use crate::description::{Description, JointKind, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::initial_pose::n_q;
 use crate::model::Model;
-use crate::plan::Plan;
+use crate::plan::Planned;
 use crate::reduction::choice::Choice;
 use crate::scalar::{Dd, Real, noise};
-use crate::workspace::Workspace;
 
 /// Number of poses at which joints are checked for motion, and their distance, in radians or
 /// mechanism lengths.
@@ -157,18 +156,15 @@ impl Trial {
         let description = &self.description;
         let want = FieldSet::of(&[Field::Q, Field::G]);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
-        let plan = Plan::new(model, &query).ok()?;
+        let mut planned = Planned::new(model, &query).ok()?;
         let off = |i: usize| if k == 0 { 0.0 } else { self.reach[i] * noise(53 * k + i) };
         let y: Vec<Dd> =
             self.y.iter().enumerate().map(|(i, y)| Dd::from_f64(*y + off(i))).collect();
-        let mut numbers = vec![Dd::ZERO; plan.want().len()];
-        let answer = plan.run(model, &mut Workspace::new(model), &y, &mut numbers);
-        if answer.status != Status::Ok {
+        planned.give(Field::Y, &y);
+        if planned.run(model).status != Status::Ok {
             return None;
         }
-        let field = |field| plan.want().slot(field).and_then(|slot| numbers.get(slot.range()));
-        let q = field(Field::Q)?;
-        let G = field(Field::G)?;
+        let [q, G] = [Field::Q, Field::G].map(|field| planned.get(field));
         let n_vy = model.sizes().n_vy;
         // the columns of the independents that are left
         let kinds = |of: &[usize]| -> Vec<(usize, JointKind)> {

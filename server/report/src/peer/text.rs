@@ -4,7 +4,7 @@
 use core::fmt::Display;
 
 use sarrus_dynamics::description::{Cut, Description, JointKind, Loop, Placement};
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace, loops_of};
+use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request, Status, loops_of};
 
 use crate::robots::{Robot, packed};
 
@@ -15,8 +15,7 @@ pub(super) fn input(robot: &Robot, place: usize, seconds: f64) -> Result<String,
     let model = &robot.variants.get(place).ok_or("it has no such variant")?.compiled.model;
     let given = FieldSet::of(&[Field::Y, Field::Yd, Field::QGuess]);
     let closed = Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd]));
-    let plan = Plan::new(model, &closed).map_err(|error| error.to_string())?;
-    let mut workspace = Workspace::for_plans(model, [&plan]);
+    let mut closed = Planned::new(model, &closed).map_err(|error| error.to_string())?;
     let mut text = Text(format!("seconds {seconds}\n"));
     text.numbers("gravity", &description.gravity);
 
@@ -26,14 +25,13 @@ pub(super) fn input(robot: &Robot, place: usize, seconds: f64) -> Result<String,
     text.loops(description)?;
     text.line("states", [states.len()]);
     for state in states {
-        let mut closed = vec![0.0; plan.want().len()];
-        let given = packed(&plan, state, place);
-        let answer = plan.run(model, &mut workspace, &given, &mut closed);
+        closed.input = packed(&closed.plan, state, place);
+        let answer = closed.run(model);
         if answer.status != Status::Ok {
             return Err(format!("a state is {}", answer.status));
         }
         let guess = &state.guesses[place];
-        for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess, &closed] {
+        for numbers in [&state.y, &state.yd, &state.ydd, &state.tau_u, guess, &closed.output] {
             text.numbers("", numbers);
         }
     }

@@ -1,7 +1,7 @@
 //! Random states, the same in every run.
 
 use sarrus_dynamics::description::{Description, Joint, JointKind};
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Sizes, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Planned, Query, Request, Sizes, Status};
 
 use super::catalogue::{Subject, Variant, variants};
 use super::question::Question;
@@ -233,8 +233,7 @@ fn unit(q: [f64; 4]) -> [f64; 4] {
 struct Check<'a> {
     model: &'a Model,
     /// Closing, inverse and forward dynamics.
-    plans: [Plan; 3],
-    workspace: Workspace<f64>,
+    plans: [Planned; 3],
 }
 
 impl<'a> Check<'a> {
@@ -242,24 +241,24 @@ impl<'a> Check<'a> {
         let close =
             Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
         let plans = [
-            Plan::new(model, &close)?,
-            Plan::new(model, &Question::InverseDynamics.query())?,
-            Plan::new(model, &Question::ForwardDynamics.query())?,
+            Planned::new(model, &close)?,
+            Planned::new(model, &Question::InverseDynamics.query())?,
+            Planned::new(model, &Question::ForwardDynamics.query())?,
         ];
-        Ok(Check { model, workspace: Workspace::for_plans(model, &plans), plans })
+        Ok(Check { model, plans })
     }
 
     /// Finds the guess; false if the variant with this index cannot close its loops or has no
     /// dynamics.
     fn fits(&mut self, variant: usize, earlier: &[f64], state: &mut State) -> bool {
-        let Check { model, plans: [close, dynamics @ ..], workspace } = self;
-        let mut q = vec![0.0; model.sizes().n_q];
-        let closed = close.run(model, workspace, earlier, &mut q);
-        state.guesses.push(q);
-        let mut status = |plan: &Plan| {
-            let mut output = vec![0.0; plan.want().len()];
-            plan.run(model, workspace, &packed(plan, state, variant), &mut output).status
+        let Check { model, plans: [close, dynamics @ ..] } = self;
+        close.give(Field::Y, earlier);
+        let closed = close.run(model);
+        state.guesses.push(close.get(Field::Q).to_vec());
+        let is_ok = |planned: &mut Planned| {
+            planned.input = packed(&planned.plan, state, variant);
+            planned.run(model).status == Status::Ok
         };
-        closed.status == Status::Ok && dynamics.iter().all(|plan| status(plan) == Status::Ok)
+        closed.status == Status::Ok && dynamics.iter_mut().all(is_ok)
     }
 }

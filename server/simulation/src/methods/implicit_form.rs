@@ -6,14 +6,13 @@
 //! independents.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Planned, Query, Request, Status};
 
 use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::Springs;
 use crate::methods::runge_kutta::four_stages;
 use crate::motion::rates::{Effects, Mechanism};
-use crate::planned::Planned;
 
 /// The right-hand side in x = [q; q̇; work].
 pub(crate) struct Form<'a> {
@@ -22,7 +21,6 @@ pub(crate) struct Form<'a> {
     pub(crate) form: ImplicitForm<f64>,
     /// Frames of the links that springs join.
     frames: Option<Planned<f64>>,
-    workspace: Workspace<f64>,
     tau_q: Vec<f64>,
     wrenches: Vec<f64>,
     /// Energy of the springs between links.
@@ -51,7 +49,6 @@ impl<'a> Form<'a> {
         };
         Ok(Form {
             form: ImplicitForm::with_wrenches(model, &links),
-            workspace: Workspace::for_plans(model, frames.iter().map(|planned| &planned.plan)),
             frames,
             tau_q: vec![0.0; mechanism.sizes.n_v],
             wrenches: vec![0.0; 6 * links.len()],
@@ -76,7 +73,7 @@ impl<'a> Form<'a> {
         if let Some(frames) = &mut self.frames {
             frames.give(Field::Q, &unit);
             frames.give(Field::Qd, qd);
-            let status = frames.run(self.model, &mut self.workspace).status;
+            let status = frames.run(self.model).status;
             if status != Status::Ok {
                 return status;
             }

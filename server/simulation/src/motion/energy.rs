@@ -2,11 +2,10 @@
 //! without any mass matrix.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Planned, Query, Request, Status};
 
 use crate::coordinates::{Coordinates, cross, turned};
 use crate::error::SimulationError;
-use crate::planned::Planned;
 
 /// Links in one plan.
 const CHUNK: usize = 32;
@@ -37,7 +36,6 @@ struct Mass {
 pub(crate) struct Meter<T: PlanScalar> {
     masses: Vec<Mass>,
     plans: Vec<Planned<T>>,
-    workspace: Workspace<T>,
     gravity: [f64; 3],
     /// Velocity and inertia of each rotor; coordinate, stiffness and rest of each joint's spring.
     rotors: Vec<(usize, f64)>,
@@ -85,8 +83,7 @@ impl<T: PlanScalar> Meter<T> {
         }
         rotors.retain(|of| of.1 != 0.0);
         springs.retain(|of| of.1 != 0.0);
-        let workspace = Workspace::for_plans(model, plans.iter().map(|planned| &planned.plan));
-        Ok(Meter { masses, plans, workspace, gravity: description.gravity, rotors, springs })
+        Ok(Meter { masses, plans, gravity: description.gravity, rotors, springs })
     }
 
     /// Energies at y and ẏ on the branch of a guess, without springs between links.
@@ -106,7 +103,7 @@ impl<T: PlanScalar> Meter<T> {
             {
                 plan.give(field, &of(numbers));
             }
-            let status = plan.run(model, &mut self.workspace).status;
+            let status = plan.run(model).status;
             if status != Status::Ok {
                 return Err(status);
             }

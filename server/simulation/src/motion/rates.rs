@@ -13,8 +13,8 @@ use std::borrow::Cow;
 
 use sarrus_dynamics::description::{Description, Friction, Joint};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Model, ModelInfo, PlanScalar, Query, QueryOptions, Request, Sizes,
-    Status, Warnings, Workspace,
+    Answer, Field, FieldSet, Model, ModelInfo, PlanScalar, Planned, Query, QueryOptions, Request,
+    Sizes, Status, Warnings,
 };
 
 use crate::coordinates::Coordinates;
@@ -22,7 +22,6 @@ use crate::error::SimulationError;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
 use crate::motion::elastic::Rotor;
-use crate::planned::Planned;
 
 /// Numbers of G up to which it is asked for to continue closures along.
 const LARGEST: usize = 1 << 16;
@@ -265,7 +264,6 @@ fn stops(info: &ModelInfo) -> Vec<Stop> {
 #[derive(Clone, Debug)]
 pub(crate) struct Rates<T: PlanScalar> {
     model: Model<T>,
-    workspace: Workspace<T>,
     /// Where the robot is, for the forces that depend on it.
     pose: Option<Planned<T>>,
     forward: Planned<T>,
@@ -305,13 +303,8 @@ impl<T: PlanScalar> Rates<T> {
             query = query.with_options(QueryOptions::FRICTION);
         }
         let forward = Planned::new(&model, &query)?;
-        let workspace = Workspace::for_plans(
-            &model,
-            pose.iter().chain([&forward]).map(|planned| &planned.plan),
-        );
         let of = |n: usize| vec![T::ZERO; n];
         Ok(Rates {
-            workspace,
             pose,
             forward,
             y: of(mechanism.sizes.n_qy),
@@ -385,7 +378,7 @@ impl<T: PlanScalar> Rates<T> {
             planned.give(Field::QdGuess, qd);
         }
         if let Some(pose) = &mut self.pose {
-            let answer = pose.run(&self.model, &mut self.workspace);
+            let answer = pose.run(&self.model);
             if answer.status != Status::Ok {
                 return answer;
             }
@@ -401,7 +394,7 @@ impl<T: PlanScalar> Rates<T> {
         self.pull(mechanism);
         self.forward.give(Field::TauQ, &self.tau_q[..mechanism.sizes.n_v]);
         self.forward.give(Field::Wrenches, &self.wrenches);
-        self.forward.run(&self.model, &mut self.workspace)
+        self.forward.run(&self.model)
     }
 
     /// The springs' wrenches at the last pose.

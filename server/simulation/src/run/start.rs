@@ -1,10 +1,9 @@
 //! Where a simulation starts.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Query, QueryOptions, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request, Status};
 
 use crate::coordinates::{Coordinates, largest};
 use crate::error::SimulationError;
-use crate::planned::Planned;
 
 /// Change of a coordinate up to which a given pose counts as closed.
 const CLOSED: f64 = 1e-9;
@@ -80,7 +79,7 @@ fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, Simulatio
     let query = Query::new(Request::Kinematics, given, want);
     let mut planned = Planned::new(model, &query.with_options(QueryOptions::SEARCH))?;
     planned.give(Field::Y, y);
-    let status = planned.run(model, &mut Workspace::for_plans(model, [&planned.plan])).status;
+    let status = planned.run(model).status;
     match status {
         Status::Ok => Ok(planned.get(Field::Q).to_vec()),
         status => Err(SimulationError::Start { status, detail: 0.0 }),
@@ -102,10 +101,9 @@ fn closed(
     )
     .with_options(QueryOptions::SEARCH);
     let mut planned = Planned::new(model, &query)?;
-    let mut workspace = Workspace::for_plans(model, [&planned.plan]);
     planned.give(Q, q);
     planned.give(Qd, qd);
-    let status = planned.run(model, &mut workspace).status;
+    let status = planned.run(model).status;
     if status != Status::Ok {
         let residual = planned.get(Residual).iter().copied().find(|x| x.is_finite());
         return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });

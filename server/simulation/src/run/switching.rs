@@ -1,13 +1,12 @@
 //! Other independents, where those in use come near a singularity.
 
 use sarrus_dynamics::description::Description;
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status};
 
 use super::events::EventKind;
 use crate::coordinates::{largest, pick, places};
 use crate::error::SimulationError;
 use crate::motion::engine::Engine;
-use crate::planned::Planned;
 
 /// Distance to singularity below which better independents are looked for.
 pub(crate) const NEAR: f64 = 0.1;
@@ -24,7 +23,6 @@ const GROWN: f64 = 1.5;
 /// Looks at the independents after each step.
 pub(crate) struct Watch {
     planned: Planned<f64>,
-    workspace: Workspace<f64>,
     /// How near a singularity others were tried in vain; forgotten away from it.
     refused: f64,
     /// Measuring takes no time worth sparing.
@@ -55,11 +53,9 @@ impl Watch {
             model,
             &Query::new(Request::Kinematics, given, FieldSet::of(&[SigmaMin, GoodIndependents])),
         )?;
-        let workspace = Workspace::for_plans(model, [&planned.plan]);
         let cheap = model.sizes().n_v <= CHEAP;
         let infinite = f64::INFINITY;
         Ok(Some(Watch {
-            workspace,
             planned,
             refused: infinite,
             cheap,
@@ -135,7 +131,7 @@ impl Watch {
         self.planned.give(Field::Y, &x[..engine.mechanism.sizes.n_qy]);
         self.planned.give(Field::QGuess, &engine.anchor.q);
         self.planned.give(Field::QdGuess, &engine.anchor.qd);
-        let status = self.planned.run(&engine.compiled.model, &mut self.workspace).status;
+        let status = self.planned.run(&engine.compiled.model).status;
         let distance = self.planned.get(Field::SigmaMin).first().copied()?;
         (status == Status::Ok && distance.is_finite()).then_some(distance)
     }

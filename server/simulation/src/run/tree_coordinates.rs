@@ -1,6 +1,6 @@
 //! The loop over steps of the methods for comparison, in all tree coordinates.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status};
 
 use super::output::{End, Run, Sample};
 use super::settings::{Method, Settings, Stops};
@@ -11,7 +11,6 @@ use crate::methods::implicit_form::Form;
 use crate::motion::elastic;
 use crate::motion::energy::Meter;
 use crate::motion::rates::Mechanism;
-use crate::planned::Planned;
 
 /// Simulates by one of the two methods.
 pub(super) fn run(
@@ -96,7 +95,7 @@ fn closed(
     planned.give(Y, &checked.y);
     planned.give(Yd, &checked.yd);
     planned.give(QGuess, &checked.guess);
-    let status = planned.run(model, &mut Workspace::for_plans(model, [&planned.plan])).status;
+    let status = planned.run(model).status;
     if status != Status::Ok {
         return Err(SimulationError::Start { status, detail: 0.0 });
     }

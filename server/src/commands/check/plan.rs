@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use sarrus_client::{Status, describe};
-use sarrus_dynamics::{Plan, Workspace};
+use sarrus_dynamics::Planned;
 use sarrus_models::Loaded;
 use serde::Serialize;
 
@@ -48,18 +48,13 @@ impl Check {
 fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
     let model = &loaded.compiled.model;
     let (query, input) = read_plan(&describe(loaded), line)?;
-    let plan = Plan::new(model, &query).map_err(|error| error.to_string())?;
-    let outline = plan.outline(model);
-    let mut workspace = Workspace::for_plans(model, [&plan]);
-    let mut output = vec![0.0; plan.want().len()];
-    let answer = plan.run(model, &mut workspace, &input, &mut output);
+    let mut planned = Planned::new(model, &query).map_err(|error| error.to_string())?;
+    let outline = planned.plan.outline(model);
+    planned.input = input;
+    let answer = planned.run(model);
     if answer.status == Status::BadRequest {
         return Err("the numbers are no state: a quaternion is not of unit length".to_owned());
     }
-    let mut call = || {
-        let _ = plan.run(model, &mut workspace, black_box(&input), &mut output);
-        black_box(&output);
-    };
     Ok(PlanReport {
         status: answer.status.name(),
         steps: outline.steps,
@@ -69,8 +64,8 @@ fn of_line(loaded: &Loaded, line: &str) -> Result<PlanReport, String> {
         clusters_of_robot: outline.clusters_of_robot,
         closed_loops: outline.closed,
         closed_loops_of_robot: outline.closed_of_robot,
-        operations: sarrus_counting::operations(&plan, model, &input),
-        ns: median_ns(&mut call),
+        operations: sarrus_counting::operations(&planned.plan, model, &planned.input),
+        ns: median_ns(&mut || _ = black_box(&mut planned).run(model)),
         bytes_in: outline.bytes_in,
         bytes_out: outline.bytes_out,
     })

@@ -1,6 +1,6 @@
 //! The page of a simulation: the curves beside the robot.
 
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request, Status};
 use sarrus_models::Loaded;
 use sarrus_show::{Chart, Curve, Motion, POINTS, Settings, motion, sparse};
 use sarrus_simulation::{Sample, Setup};
@@ -41,11 +41,7 @@ pub(super) fn page(report: &Report<'_>, setup: &Setup<'_>, settings: &Settings) 
 }
 
 /// Fields at each sample: NaN where it has no answer.
-struct States {
-    dynamics: Option<Vec<Vec<f64>>>,
-    motors: Option<Vec<Vec<f64>>>,
-    plans: [Option<Plan>; 2],
-}
+struct States(Vec<(Field, Vec<Vec<f64>>)>);
 
 impl States {
     /// Loop forces of the motion under its inputs; then the forces of the motors that give the same
@@ -56,57 +52,40 @@ impl States {
         let has_loops = model.sizes().n_c > 0;
         let state = FieldSet::of(if has_loops { &[Y, Yd, QGuess, QdGuess] } else { &[Y, Yd] });
         let loops = FieldSet::of(if has_loops { &[Lambda, SigmaMin] } else { &[] });
-        let mut states = States { dynamics: None, motors: None, plans: [None, None] };
+        let mut states = States(Vec::new());
         let forces = setup.and_then(|setup| setup.forces(samples.iter().copied()).ok());
         let Some(forces) = forces else { return states };
         let run = |query: &Query, extra: Field, rows: &[Vec<f64>]| {
-            let plan = Plan::new(model, query).ok()?;
-            let mut workspace = Workspace::for_plans(model, [&plan]);
-            let mut input = vec![0.0; plan.given().len()];
-            let mut of = |(sample, extra_row): (&&Sample, &Vec<f64>)| {
-                for (field, numbers) in [
-                    (Y, &sample.y),
-                    (Yd, &sample.yd),
-                    (QGuess, &sample.q),
-                    (QdGuess, &sample.qd),
-                    (extra, extra_row),
-                ] {
-                    if let Some(slot) = plan.given().slot(field) {
-                        input[slot.range()].copy_from_slice(numbers);
-                    }
+            let mut planned = Planned::new(model, query).ok()?;
+            let mut found: Vec<_> = query.want.iter().map(|field| (field, Vec::new())).collect();
+            for (sample, row) in samples.iter().zip(rows) {
+                planned.give(Y, &sample.y);
+                planned.give(Yd, &sample.yd);
+                planned.give(QGuess, &sample.q);
+                planned.give(QdGuess, &sample.qd);
+                planned.give(extra, row);
+                if planned.run(model).status != Status::Ok {
+                    planned.output.fill(f64::NAN);
                 }
-                let mut output = vec![f64::NAN; plan.want().len()];
-                let answer = plan.run(model, &mut workspace, &input, &mut output);
-                if answer.status != Status::Ok {
-                    output.fill(f64::NAN);
-                }
-                output
-            };
-            let rows = samples.iter().zip(rows).map(&mut of).collect::<Vec<_>>();
-            Some((plan, rows))
+                found.iter_mut().for_each(|(field, rows)| rows.push(planned.get(*field).to_vec()));
+            }
+            Some(found)
         };
         let query = Query::new(Request::ForwardDynamics, state.with(TauQ), loops.with(Ydd));
-        if let Some((plan, rows)) = run(&query, TauQ, &forces) {
-            let ydd = plan.want().slot(Ydd).map(|slot| slot.range()).unwrap_or_default();
-            let ydd: Vec<Vec<f64>> = rows.iter().map(|row| row[ydd.clone()].to_vec()).collect();
-            (states.plans[0], states.dynamics) = (Some(plan), Some(rows));
+        if let Some(found) = run(&query, TauQ, &forces) {
+            states.0 = found;
             let want = FieldSet::of(&[U, TauU]);
             let query = Query::new(Request::InverseDynamics, state.with(Ydd), want);
-            if let Some((plan, rows)) = run(&query, Ydd, &ydd) {
-                (states.plans[1], states.motors) = (Some(plan), Some(rows));
-            }
+            let found = run(&query, Ydd, &states.rows(Ydd));
+            states.0.extend(found.into_iter().flatten());
         }
         states
     }
 
     /// A field at each sample; none where it is not known.
     fn rows(&self, field: Field) -> Vec<Vec<f64>> {
-        let both = [(&self.plans[0], &self.dynamics), (&self.plans[1], &self.motors)];
-        let of = |(plan, rows): (&Option<Plan>, &Option<Vec<Vec<f64>>>)| {
-            let range = plan.as_ref()?.want().slot(field)?.range();
-            Some(rows.as_ref()?.iter().map(|row| row[range.clone()].to_vec()).collect())
-        };
-        both.into_iter().find_map(of).unwrap_or_default()
+        let of = self.0.iter().find(|(of, _)| *of == field);
+        of.map(|(_, rows)| rows.clone()).unwrap_or_default()
     }
 }
 

@@ -5,7 +5,7 @@
 use sarrus_dynamics::Field::{BoundsY, FramePose, TaskResidual, TaskTarget, Y};
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::scalar::Real;
-use sarrus_dynamics::{Field, FieldSet, Plan, Query, Request, Status, TaskParts, Workspace};
+use sarrus_dynamics::{FieldSet, Planned, Query, Request, Status, TaskParts};
 
 use crate::Outcome;
 use crate::measure::Effort;
@@ -73,37 +73,30 @@ fn one(cases: &mut Cases, robot: &Robot, value: f64, asked: &str, target: &Targe
     let given = target.bounds.as_ref().map_or(FieldSet::EMPTY, |_| FieldSet::of(&[BoundsY]));
     let query = Query::new(Request::InverseKinematics, given, FieldSet::of(&[Y, TaskResidual]));
     let tasks = vec![(link, TaskParts::POSITION); target.places.len()];
-    let plan = Plan::new(model, &query.with_tasks(&tasks))?;
-    let mut input = vec![0.0; plan.given().len()];
-    let slot = |field: Field| plan.given().slot(field).map(|slot| slot.range());
-    if let (Some(range), Some(bounds)) = (slot(BoundsY), &target.bounds) {
-        input[range].copy_from_slice(bounds);
+    let mut planned = Planned::new(model, &query.with_tasks(&tasks))?;
+    if let Some(bounds) = &target.bounds {
+        planned.give(BoundsY, bounds);
     }
-    if let Some(range) = slot(TaskTarget) {
-        for (to, place) in input[range].chunks_mut(11).zip(&target.places) {
-            to[..3].copy_from_slice(place);
-            to[10] = 1.0;
-        }
-    }
-    let mut output = vec![0.0; plan.want().len()];
-    let answer = plan.run(model, &mut Workspace::for_plans(model, [&plan]), &input, &mut output);
-    let of = |field: Field| plan.want().slot(field).map_or(&[][..], |slot| &output[slot.range()]);
+    let places = target.places.iter();
+    let targets = places.flat_map(|place| [&place[..], &[0.0; 7], &[1.0]].concat());
+    planned.give(TaskTarget, &targets.collect::<Vec<f64>>());
+    let answer = planned.run(model);
     let has_numbers = matches!(answer.status, Status::Ok | Status::NotReached);
     let (error, is_honest) = if has_numbers {
-        let pose = posed(robot, of(Y)).run(&robot.compiled.exact)?;
+        let pose = posed(robot, planned.get(Y)).run(&robot.compiled.exact)?;
         let pose: Vec<f64> = pose.get(FramePose).iter().map(|x| x.to_f64()).collect();
         let away = |place: &[f64; 3]| {
             let square = |k: usize| (pose[k] - place[k]).powi(2);
             (0..3).map(square).sum::<f64>().sqrt()
         };
         let ways: Vec<f64> = target.places.iter().map(away).collect();
-        let told = ways.iter().zip(of(TaskResidual)).map(|(way, told)| (way - told).abs());
+        let told = ways.iter().zip(planned.get(TaskResidual)).map(|(way, told)| (way - told).abs());
         let worst = ways.iter().copied().fold(0.0, f64::max);
         let is_told = told.fold(0.0, f64::max) <= HELD;
         let error = if answer.status == Status::Ok { worst } else { worst - target.least };
         (error, is_told && !target.is_empty)
     } else {
-        (0.0, output.iter().all(|x| x.is_nan()))
+        (0.0, planned.output.iter().all(|x| x.is_nan()))
     };
     // the nearest pose is no worse than the best there is: at a minimum of the squares a way is
     // exact to the root of the last gain

@@ -1,7 +1,7 @@
 //! Answers judged field by field, against a reference that is compared with itself first.
 
-use sarrus_dynamics::scalar::{Dd, Real};
-use sarrus_dynamics::{Field, Method, Request, Status};
+use sarrus_dynamics::scalar::Dd;
+use sarrus_dynamics::{Field, Method, PlanScalar, Request, Status};
 
 use super::assess::HELD;
 use super::case::{At, Case, Cases};
@@ -96,7 +96,7 @@ fn moved(robot: &Robot, ask: &Question, exact: &Answered<Dd>) -> Outcome<f64> {
 }
 
 /// The field of the largest error by its size, and that error.
-fn largest<T: Real>(
+fn largest<T: PlanScalar>(
     robot: &Robot,
     ask: &Question,
     answer: &Answered<T>,

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{
-    Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Query, QueryOptions, Request, Status,
-    Warnings, Workspace,
+    Answer, Field, FieldSet, Method, Model, Plan, PlanScalar, Planned, Query, QueryOptions,
+    Request, Status, Warnings,
 };
 
 use super::robot::Robot;
@@ -182,11 +182,10 @@ impl Question {
             Some(method) => Plan::with_method(model, &query, method)?,
             None => Plan::new(model, &query)?,
         };
-        let mut workspace = Workspace::for_plans(model, [&plan]);
-        let mut input = vec![T::ZERO; plan.given().len()];
+        let mut planned = Planned::of(model, plan);
         for (field, numbers) in &self.given {
-            let slot = plan.given().slot(*field).ok_or("a field that is not packed")?;
-            let place = &mut input[slot.range()];
+            let slot = planned.plan.given().slot(*field).ok_or("a field that is not packed")?;
+            let place = &mut planned.input[slot.range()];
             if place.len() != numbers.len() {
                 let counts = [numbers.len(), place.len()];
                 return Err(
@@ -196,22 +195,17 @@ impl Question {
             let numbers = numbers.iter().enumerate();
             place.iter_mut().zip(numbers).for_each(|(to, (k, x))| *to = number(k, *x));
         }
-        let mut numbers = vec![T::ZERO; plan.want().len()];
-        let answer = plan.run(model, &mut workspace, &input, &mut numbers);
-        Ok(Answered { answer, plan, numbers, workspace, input })
+        Ok(Answered { answer: planned.run(model), planned })
     }
 }
 
 /// An answer, by field.
-pub(crate) struct Answered<T: Real> {
+pub(crate) struct Answered<T: PlanScalar> {
     answer: Answer,
-    plan: Plan,
-    numbers: Vec<T>,
-    workspace: Workspace<T>,
-    input: Vec<T>,
+    planned: Planned<T>,
 }
 
-impl<T: Real> Answered<T> {
+impl<T: PlanScalar> Answered<T> {
     pub(crate) fn status(&self) -> Status {
         self.answer.status
     }
@@ -222,28 +216,22 @@ impl<T: Real> Answered<T> {
 
     /// The numbers of a field; none if it is not wanted.
     pub(crate) fn get(&self, field: Field) -> &[T] {
-        self.plan.want().slot(field).map_or(&[], |slot| &self.numbers[slot.range()])
+        self.planned.get(field)
     }
 
     /// True if every number that its status forbids is NaN.
     pub(crate) fn is_empty(&self) -> bool {
         let nan = |field| self.get(field).iter().all(|x| x.to_f64().is_nan());
-        self.plan.want().slots().iter().all(|slot| slot.field.survives_failure() || nan(slot.field))
+        let slots = self.planned.plan.want().slots();
+        slots.iter().all(|slot| slot.field.survives_failure() || nan(slot.field))
     }
-}
 
-impl<T: PlanScalar> Answered<T> {
     /// The shortest time of a call in nanoseconds, over a few.
     pub(crate) fn nanoseconds(&mut self, model: &Model<T>, repeats: u32) -> f64 {
         let mut shortest = f64::INFINITY;
         for _ in 0..repeats {
             let start = std::time::Instant::now();
-            let _ = self.plan.run(
-                model,
-                &mut self.workspace,
-                std::hint::black_box(&self.input),
-                &mut self.numbers,
-            );
+            let _ = std::hint::black_box(&mut self.planned).run(model);
             shortest = shortest.min(start.elapsed().as_nanos() as f64);
         }
         shortest

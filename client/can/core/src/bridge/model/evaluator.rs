@@ -3,9 +3,7 @@
 use std::sync::Arc;
 
 use crate::state::state;
-use sarrus_dynamics::{
-    Field, FieldSet, Model, Plan, Query, QueryError, QueryOptions, Request, Workspace,
-};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request};
 
 /// Bandwidth of the observer of external forces `[1/s]`.
 const GAIN: f64 = 50.0;
@@ -32,52 +30,32 @@ impl Pose {
     }
 }
 
-/// A plan with room for its input and output.
-#[derive(Debug)]
-struct Prepared {
-    plan: Plan,
-    input: Vec<f64>,
-    output: Vec<f64>,
+fn planned(model: &Model, request: Request, given: &[Field], want: &[Field]) -> Option<Planned> {
+    let mut query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
+    if request == Request::Observe {
+        query.options = query.options.with(QueryOptions::FRICTION);
+    }
+    Planned::new(model, &query).ok()
 }
 
-impl Prepared {
-    fn new(model: &Model, request: Request, given: &[Field], want: &[Field]) -> Option<Prepared> {
-        let mut query = Query::new(request, FieldSet::of(given), FieldSet::of(want));
-        if request == Request::Observe {
-            query.options = query.options.with(QueryOptions::FRICTION);
-        }
-        let plan: Result<Plan, QueryError> = Plan::new(model, &query);
-        let plan = plan.ok()?;
-        let input = vec![0.0; plan.given().len()];
-        let output = vec![0.0; plan.want().len()];
-        Some(Prepared { plan, input, output })
+/// Evaluates a pose at `pose.y`, from `pose.q`. False, and nothing changed, where it fails.
+fn run(planned: &mut Planned, model: &Model, pose: &mut Pose) -> bool {
+    planned.give(Field::Y, &pose.y);
+    planned.give(Field::QGuess, &pose.q);
+    if planned.run(model).ok().is_err() {
+        return false;
     }
+    take(planned, Field::Q, &mut pose.q);
+    take(planned, Field::U, &mut pose.u);
+    take(planned, Field::G, &mut pose.loop_jacobian);
+    take(planned, Field::TauY, &mut pose.tau_y);
+    true
+}
 
-    /// Evaluates a pose at `pose.y`, from `pose.q`. False, and nothing changed, where it fails.
-    fn run(&mut self, model: &Model, workspace: &mut Workspace<f64>, pose: &mut Pose) -> bool {
-        self.give(Field::Y, &pose.y);
-        self.give(Field::QGuess, &pose.q);
-        let answer = self.plan.run(model, workspace, &self.input, &mut self.output);
-        if answer.ok().is_err() {
-            return false;
-        }
-        self.take(Field::Q, &mut pose.q);
-        self.take(Field::U, &mut pose.u);
-        self.take(Field::G, &mut pose.loop_jacobian);
-        self.take(Field::TauY, &mut pose.tau_y);
-        true
-    }
-
-    fn give(&mut self, field: Field, numbers: &[f64]) {
-        if let Some(slot) = self.plan.given().slot(field) {
-            self.input[slot.range()].copy_from_slice(numbers);
-        }
-    }
-
-    fn take(&self, field: Field, into: &mut [f64]) {
-        if let Some(slot) = self.plan.want().slot(field) {
-            into.copy_from_slice(&self.output[slot.range()]);
-        }
+/// Takes a field of the last answer, where it is wanted.
+fn take(planned: &Planned, field: Field, into: &mut [f64]) {
+    if let numbers @ [_, ..] = planned.get(field) {
+        into.copy_from_slice(numbers);
     }
 }
 
@@ -85,32 +63,28 @@ impl Prepared {
 #[derive(Debug)]
 pub(super) struct Evaluator {
     pub(super) model: Arc<Model>,
-    workspace: Workspace<f64>,
-    pose: Prepared,
-    rest: Prepared,
-    motion: Prepared,
+    pose: Planned,
+    rest: Planned,
+    motion: Planned,
     /// `None` where nothing is observed.
-    observer: Option<Prepared>,
+    observer: Option<Planned>,
 }
 
 impl Evaluator {
     /// Allocates; nothing after it does. `None` for a model that has no such answers.
     pub(super) fn new(model: Arc<Model>, observes: bool) -> Option<Evaluator> {
         use Field::{Dt, G, Gain, Observer, Q, QGuess, TauExternal, TauU, TauY, U, Y, Yd, Ydd};
-        let workspace = Workspace::new(&model);
-        let forces = |given: &[Field]| {
-            Prepared::new(&model, Request::InverseDynamics, given, &[Q, U, G, TauY])
-        };
+        let forces =
+            |given: &[Field]| planned(&model, Request::InverseDynamics, given, &[Q, U, G, TauY]);
         let observer = || {
             let given = [Y, QGuess, Yd, TauU, Dt, Gain, Observer];
-            Prepared::new(&model, Request::Observe, &given, &[TauExternal, Observer])
+            planned(&model, Request::Observe, &given, &[TauExternal, Observer])
         };
         Some(Evaluator {
-            pose: Prepared::new(&model, Request::Kinematics, &[Y, QGuess], &[Q, U, G])?,
+            pose: planned(&model, Request::Kinematics, &[Y, QGuess], &[Q, U, G])?,
             rest: forces(&[Y, QGuess])?,
             motion: forces(&[Y, Yd, Ydd, QGuess])?,
             observer: if observes { Some(observer()?) } else { None },
-            workspace,
             model,
         })
     }
@@ -134,26 +108,26 @@ impl Evaluator {
             tau_y: vec![0.0; sizes.n_vy],
         };
         let fields = [Field::Q, Field::U, Field::G];
-        let mut first = Prepared::new(&self.model, Request::Kinematics, &[Field::Y], &fields)?;
-        first.run(&self.model, &mut self.workspace, &mut pose).then_some(pose)
+        let mut first = planned(&self.model, Request::Kinematics, &[Field::Y], &fields)?;
+        run(&mut first, &self.model, &mut pose).then_some(pose)
     }
 
     /// Closes the loops at `pose.y`, from `pose.q`. False, and nothing changed, where they cannot
     /// be closed.
     pub(super) fn pose(&mut self, pose: &mut Pose) -> bool {
-        self.pose.run(&self.model, &mut self.workspace, pose)
+        run(&mut self.pose, &self.model, pose)
     }
 
     /// As [`Evaluator::pose`], with the forces that hold the robot there.
     pub(super) fn rest(&mut self, pose: &mut Pose) -> bool {
-        self.rest.run(&self.model, &mut self.workspace, pose)
+        run(&mut self.rest, &self.model, pose)
     }
 
     /// As [`Evaluator::pose`], with the forces of a motion.
     pub(super) fn motion(&mut self, pose: &mut Pose, yd: &[f64], ydd: &[f64]) -> bool {
         self.motion.give(Field::Yd, yd);
         self.motion.give(Field::Ydd, ydd);
-        self.motion.run(&self.model, &mut self.workspace, pose)
+        run(&mut self.motion, &self.model, pose)
     }
 
     /// A step of the observer to a pose with the time since the last, the motion and the forces of
@@ -168,10 +142,10 @@ impl Evaluator {
         let Some(step) = &mut self.observer else { return false };
         let own = [(Field::Gain, &[GAIN][..]), (Field::Observer, observer)];
         given.into_iter().chain(own).for_each(|(field, numbers)| step.give(field, numbers));
-        let is_known = step.run(&self.model, &mut self.workspace, pose);
+        let is_known = run(step, &self.model, pose);
         if is_known {
-            step.take(Field::Observer, observer);
-            step.take(Field::TauExternal, &mut pose.tau_y);
+            take(step, Field::Observer, observer);
+            take(step, Field::TauExternal, &mut pose.tau_y);
         }
         is_known
     }

@@ -1,7 +1,7 @@
 //! Groups coordinates by the loop Jacobian and the mass matrix at sampled poses, and finds the best
 //! condition of each mechanism.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request, Workspace};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
 
 use super::evaluator::{Evaluator, Pose};
 use super::linkage::Linkage;
@@ -194,12 +194,11 @@ fn coupled(
     let model = &evaluator.model;
     let query =
         Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
-    let plan = Plan::new(model, &query).ok()?;
-    let mut workspace = Workspace::new(model);
-    let mut matrix = vec![0.0; plan.want().len()];
-    plan.run(model, &mut workspace, &zero.y, &mut matrix).ok().ok()?;
+    let mut planned = Planned::new(model, &query).ok()?;
+    planned.give(Field::Y, &zero.y);
+    planned.run(model).ok().ok()?;
     let n = owners.len();
-    let depends = |i: usize, j: usize| matrix[i * n + j] != 0.0;
+    let depends = |i: usize, j: usize| planned.output[i * n + j] != 0.0;
     let of = |number: usize| {
         let own: Vec<usize> = (0..n).filter(|v| owners[*v] == Some(number)).collect();
         (0..n).filter(|v| own.contains(v) || own.iter().any(|i| depends(*i, *v))).collect()
