@@ -267,11 +267,6 @@ impl ControlResponse {
     pub fn from_bytes(bytes: &[u8]) -> Option<ControlResponse> {
         serde_json::from_slice(bytes).ok()
     }
-
-    /// The version of the answering server; `None` if the message has none.
-    pub fn version_of(bytes: &[u8]) -> Option<u32> {
-        serde_json::from_slice::<CallHead>(bytes).ok().map(|head| head.version)
-    }
 }
 
 /// The reason why a call has no answer.
@@ -332,8 +327,10 @@ pub fn receive_answer(
         while let Some((bytes, descriptor)) = socket.receive(&mut buffer).map_err(gone)? {
             let bytes = buffer.get(..bytes).unwrap_or_default();
             let Some(response) = ControlResponse::from_bytes(bytes) else {
-                return Err(match ControlResponse::version_of(bytes) {
-                    Some(found) if found != PROTOCOL_VERSION => NoResponse::OtherVersion(found),
+                return Err(match serde_json::from_slice(bytes) {
+                    Ok(CallHead { version, .. }) if version != PROTOCOL_VERSION => {
+                        NoResponse::OtherVersion(version)
+                    }
                     _ => NoResponse::Nonsense,
                 });
             };

@@ -1,7 +1,7 @@
 //! The named blocks of numbers that requests give and answers hold.
 
 use core::fmt;
-use core::ops::{BitOr, BitOrAssign, Sub};
+use core::ops::{BitOr, BitOrAssign};
 
 use crate::{Field, Sizes};
 
@@ -181,8 +181,8 @@ impl Field {
 /// let mut asked = state | Field::U;
 /// asked |= Field::Ud;
 /// assert!(asked.contains(state) && !state.contains(asked));
-/// assert_eq!((asked - state).to_string(), "u, ud");
-/// assert_eq!([Field::U, Field::Ud].into_iter().collect::<FieldSet>(), asked - state);
+/// assert_eq!(asked.without(state).to_string(), "u, ud");
+/// assert_eq!([Field::U, Field::Ud].into_iter().collect::<FieldSet>(), asked.without(state));
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "transport", derive(serde::Serialize, serde::Deserialize))]
@@ -286,15 +286,6 @@ impl<S: Into<FieldSet>> BitOr<S> for Field {
 impl<S: Into<FieldSet>> BitOrAssign<S> for FieldSet {
     fn bitor_assign(&mut self, other: S) {
         *self = *self | other;
-    }
-}
-
-impl<S: Into<FieldSet>> Sub<S> for FieldSet {
-    type Output = FieldSet;
-
-    /// The difference.
-    fn sub(self, other: S) -> FieldSet {
-        self.without(other.into())
     }
 }
 

@@ -1,7 +1,5 @@
 //! A graph of operations on doubles in the order in which they were recorded, each once.
 
-use std::collections::HashMap;
-
 /// A double: an operation's result or a constant, with a sign before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Term {
@@ -154,27 +152,5 @@ impl Check {
 
     pub(crate) fn operands(&self) -> impl Iterator<Item = Term> + use<> {
         listed(|list| _ = self.map(list)).into_iter().flatten()
-    }
-}
-
-/// Operations in their order, each once.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Graph {
-    pub(crate) operations: Vec<Operation>,
-    places: HashMap<Operation, u32>,
-}
-
-impl Graph {
-    /// The node of an operation, an old one where there is one.
-    pub(crate) fn node(&mut self, operation: Operation) -> u32 {
-        let next = self.operations.len() as u32;
-        *self.places.entry(operation).or_insert_with(|| {
-            self.operations.push(operation);
-            next
-        })
-    }
-
-    pub(crate) fn len(&self) -> usize {
-        self.operations.len()
     }
 }

@@ -1,8 +1,9 @@
 //! The recording of one thread: the graph, and all conditions under which it equals the kernel.
 
 use std::cell::RefCell;
+use std::collections::HashMap;
 
-use crate::graph::{Check, Comparison, Graph, Operation, Term};
+use crate::graph::{Check, Comparison, Operation, Term};
 
 /// Why a run cannot be recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +43,9 @@ pub(crate) struct Limited {
 /// All that a run leaves.
 #[derive(Default)]
 pub(crate) struct Record {
-    pub(crate) graph: Graph,
+    /// In their order, each once.
+    pub(crate) operations: Vec<Operation>,
+    places: HashMap<Operation, u32>,
     pub(crate) decisions: Vec<Decision>,
     /// The decision that choices from here on are made by.
     pub(crate) last: Option<usize>,
@@ -91,13 +94,17 @@ impl Record {
         self.obstacle = self.obstacle.or(Some(obstacle));
     }
 
-    /// The node of an operation.
+    /// The node of an operation, an old one where there is one.
     pub(crate) fn node(&mut self, operation: Operation) -> u32 {
-        if self.graph.len() >= self.most {
+        let next = self.operations.len();
+        if next >= self.most {
             self.stop(Obstacle::TooLarge);
             return 0;
         }
-        self.graph.node(operation)
+        *self.places.entry(operation).or_insert_with(|| {
+            self.operations.push(operation);
+            next as u32
+        })
     }
 
     /// A comparison of the kernel; a `choice` may follow it where `may_choose`.

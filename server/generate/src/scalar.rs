@@ -66,7 +66,7 @@ impl Traced {
     /// The number before a zero was added to it, for operations that do not depend on its sign.
     fn stripped(self) -> Traced {
         let Some(at) = self.term.at() else { return self };
-        let inner = recorder::with(|record| match record.graph.operations.get(at as usize) {
+        let inner = recorder::with(|record| match record.operations.get(at as usize) {
             Some(Operation::Add(x @ Term::Node { .. }, Term::Constant(0))) => Some(*x),
             _ => None,
         });

@@ -189,7 +189,7 @@ pub(crate) fn recorded(
         (Some(Obstacle::TooLarge), _) => return Err(GenerateError::TooLarge(RECORDED)),
         _ => return Err(GenerateError::NotStraight),
     };
-    let Record { graph, decisions, mut checks, dropped, limited, .. } = record;
+    let Record { operations, decisions, mut checks, dropped, limited, .. } = record;
     let is_known = |comparison: Comparison| {
         let (Comparison::Less(a, b) | Comparison::Equal(a, b)) = comparison;
         a.value().is_some() && b.value().is_some()
@@ -201,7 +201,7 @@ pub(crate) fn recorded(
     let kernel = Kernel {
         info: model.info().clone(),
         plan: plan.clone(),
-        operations: graph.operations,
+        operations,
         outputs: output.iter().map(|x| x.term).collect(),
         checks,
         limited,

@@ -5,9 +5,8 @@
 //! numbers on its diagonal and six numbers above it: U = 1 is the model, and |u|² the square of the
 //! distance from it, in first order.
 
-use sarrus_dynamics::description::Inertial;
-
-type Square<const N: usize> = [[f64; N]; N];
+use nalgebra::{Matrix3, Matrix4, Vector3};
+use sarrus_dynamics::description::{Inertial, Placement};
 
 /// Places of the ten numbers in U: the diagonal first.
 const PLACES: [[usize; 2]; 10] =
@@ -17,21 +16,22 @@ const PLACES: [[usize; 2]; 10] =
 #[derive(Clone, Debug)]
 pub(crate) struct Near {
     /// L.
-    factor: Square<4>,
+    factor: Matrix4<f64>,
 }
 
 impl Near {
     /// From m, h, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; `None` where they are no body of positive density.
     pub(crate) fn new(parameters: &[f64]) -> Option<Near> {
         let J = pseudo_inertia(parameters)?;
-        let mut factor = [[0.0; 4]; 4];
+        let mut factor = Matrix4::zeros();
         for i in 0..4 {
             for j in 0..=i {
-                let x = J[i][j] - (0..j).map(|k| factor[i][k] * factor[j][k]).sum::<f64>();
+                let sum: f64 = (0..j).map(|k| factor[(i, k)] * factor[(j, k)]).sum();
+                let x = J[(i, j)] - sum;
                 if i != j {
-                    factor[i][j] = x / factor[j][j];
-                } else if x > 1e-9 * J[i][i] && J[i][i] > 0.0 {
-                    factor[i][i] = x.sqrt();
+                    factor[(i, j)] = x / factor[(j, j)];
+                } else if x > 1e-9 * J[(i, i)] && J[(i, i)] > 0.0 {
+                    factor[(i, i)] = x.sqrt();
                 } else {
                     return None;
                 }
@@ -42,85 +42,71 @@ impl Near {
 
     /// The parameters at u, and their derivatives by each of its numbers.
     pub(crate) fn at(&self, u: &[f64]) -> ([f64; 10], [[f64; 10]; 10]) {
-        let mut U = [[0.0; 4]; 4];
+        let mut U = Matrix4::zeros();
         for ([i, j], u) in PLACES.into_iter().zip(u) {
-            U[i][j] = if i == j { u.exp() } else { *u };
+            U[(i, j)] = if i == j { u.exp() } else { *u };
         }
-        let LU = product(&self.factor, &U);
-        let of = |A: &Square<4>, B: &Square<4>| product(A, &transposed(B));
-        let parameters = from_pseudo_inertia(&of(&LU, &LU));
+        let LU = self.factor * U;
+        let parameters = from_pseudo_inertia(&(LU * LU.transpose()));
         let by = PLACES.map(|[i, j]| {
-            let mut E = [[0.0; 4]; 4];
-            E[i][j] = if i == j { U[i][i] } else { 1.0 };
-            let half = of(&product(&self.factor, &E), &LU);
-            let mut J = half;
-            (0..4).for_each(|r| (0..4).for_each(|c| J[r][c] += half[c][r]));
-            from_pseudo_inertia(&J)
+            let mut E = Matrix4::zeros();
+            E[(i, j)] = if i == j { U[(i, i)] } else { 1.0 };
+            let half = self.factor * E * LU.transpose();
+            from_pseudo_inertia(&(half + half.transpose()))
         });
         (parameters, by)
     }
 }
 
-fn product<const N: usize>(A: &Square<N>, B: &Square<N>) -> Square<N> {
-    let entry = |i: usize, j: usize| (0..N).map(|k| A[i][k] * B[k][j]).sum();
-    core::array::from_fn(|i| core::array::from_fn(|j| entry(i, j)))
-}
-
-fn transposed<const N: usize>(A: &Square<N>) -> Square<N> {
-    core::array::from_fn(|i| core::array::from_fn(|j| A[j][i]))
-}
-
-fn pseudo_inertia(parameters: &[f64]) -> Option<Square<4>> {
+fn pseudo_inertia(parameters: &[f64]) -> Option<Matrix4<f64>> {
     let &[m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = parameters else { return None };
     let half = 0.5 * (xx + yy + zz);
-    Some([
+    // symmetric: rows are columns
+    Some(Matrix4::from([
         [half - xx, -xy, -xz, hx],
         [-xy, half - yy, -yz, hy],
         [-xz, -yz, half - zz, hz],
         [hx, hy, hz, m],
-    ])
+    ]))
 }
 
-fn from_pseudo_inertia(J: &Square<4>) -> [f64; 10] {
-    let trace = J[0][0] + J[1][1] + J[2][2];
-    let [xx, yy, zz] = [0, 1, 2].map(|k| trace - J[k][k]);
-    [J[3][3], J[0][3], J[1][3], J[2][3], xx, -J[0][1], yy, -J[0][2], -J[1][2], zz]
+fn from_pseudo_inertia(J: &Matrix4<f64>) -> [f64; 10] {
+    let trace = J.m11 + J.m22 + J.m33;
+    let [xx, yy, zz] = [J.m11, J.m22, J.m33].map(|x| trace - x);
+    [J.m44, J.m14, J.m24, J.m34, xx, -J.m12, yy, -J.m13, -J.m23, zz]
 }
 
 /// The inertia of a point mass at c.
-fn at_point(m: f64, c: [f64; 3]) -> Square<3> {
-    let square: f64 = c.iter().map(|x| x * x).sum();
-    core::array::from_fn(|i| {
-        core::array::from_fn(|j| m * (if i == j { square } else { 0.0 } - c[i] * c[j]))
-    })
+fn at_point(m: f64, c: Vector3<f64>) -> Matrix3<f64> {
+    (Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose()) * m
+}
+
+fn rotation(of: &Placement) -> Matrix3<f64> {
+    Matrix3::from(of.rotation()).transpose()
 }
 
 /// Ten parameters about the origin of the link.
 pub(crate) fn parameters(inertial: &Inertial) -> [f64; 10] {
     let [xx, xy, xz, yy, yz, zz] = inertial.inertia;
-    let R = inertial.origin.rotation();
-    let own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let own = product(&product(&R, &own), &transposed(&R));
+    let R = rotation(&inertial.origin);
+    let own = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let m = inertial.mass;
-    let c = inertial.origin.xyz;
-    let moved = at_point(m, c);
-    let I = |i: usize, j: usize| own[i][j] + moved[i][j];
-    let [hx, hy, hz] = c.map(|x| m * x);
-    [m, hx, hy, hz, I(0, 0), I(0, 1), I(1, 1), I(0, 2), I(1, 2), I(2, 2)]
+    let c = Vector3::from(inertial.origin.xyz);
+    let I = R * own * R.transpose() + at_point(m, c);
+    let h = c * m;
+    [m, h.x, h.y, h.z, I.m11, I.m12, I.m22, I.m13, I.m23, I.m33]
 }
 
 /// The inertia as a file writes it, in axes of this roll, pitch and yaw.
 pub(crate) fn inertial(parameters: &[f64; 10], rpy: [f64; 3]) -> Inertial {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *parameters;
-    let c = [hx / m, hy / m, hz / m];
-    let moved = at_point(m, c);
-    let mut own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    (0..3).for_each(|i| (0..3).for_each(|j| own[i][j] -= moved[i][j]));
-    let mut inertial = Inertial::point(m, c);
+    let c = Vector3::new(hx, hy, hz) / m;
+    let own = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - at_point(m, c);
+    let mut inertial = Inertial::point(m, c.into());
     inertial.origin.rpy = rpy;
-    let R = inertial.origin.rotation();
-    let I = product(&product(&transposed(&R), &own), &R);
-    inertial.inertia = [I[0][0], I[0][1], I[0][2], I[1][1], I[1][2], I[2][2]];
+    let R = rotation(&inertial.origin);
+    let I = R.transpose() * own * R;
+    inertial.inertia = [I.m11, I.m12, I.m13, I.m22, I.m23, I.m33];
     inertial
 }
 

@@ -172,11 +172,6 @@ pub(crate) fn refuse_masked(object: &Bound<'_, PyAny>, name: &str) -> PyResult<(
     Ok(())
 }
 
-/// The shape of a field of so many states.
-pub(super) fn full_shape(slot: &Slot, rows: Option<usize>) -> Vec<usize> {
-    rows.into_iter().chain(shape(slot)).collect()
-}
-
 /// An array for a field of an answer: the caller's, or a new one.
 pub(super) fn wanted<'py>(
     py: Python<'py>,
@@ -184,7 +179,7 @@ pub(super) fn wanted<'py>(
     rows: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let shape = full_shape(slot, rows);
+    let shape: Vec<usize> = rows.into_iter().chain(shape(slot)).collect();
     let Some(out) = out else {
         return match rows {
             None => Ok(PyArrayDyn::zeros(py, shape, false)),

@@ -142,7 +142,7 @@ impl Asked {
     ) -> PyResult<Answered<'py>> {
         refuse_shared_outputs(out)?;
         let mut numbers = vec![f64::NAN; self.want.len()];
-        let answer = self.shared.ask(py, self.id, input, &mut numbers);
+        let answer = self.shared.with(py, |robot| robot.ask(self.id, input, &mut numbers));
         if answer.is_err() {
             // no number of an earlier call is left
             self.fields(py, &vec![f64::NAN; numbers.len()], out)?;

@@ -3,7 +3,7 @@
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sarrus_client::{ConnectError as NotConnected, Error, LoadError as NotLoaded, Status};
+use sarrus_client::{Error, LoadError as NotLoaded, Status};
 use sarrus_models::Diagnostic;
 
 pyo3::import_exception!(sarrus.errors, ConnectError);
@@ -28,11 +28,6 @@ pub(super) fn robot_error(error: Error) -> PyErr {
         }
         _ => QueryError::new_err(words),
     }
-}
-
-/// A server that cannot be attached to.
-pub(super) fn connect_error(error: NotConnected) -> PyErr {
-    ConnectError::new_err(error.to_string())
 }
 
 /// Files that are no robot: an `OSError` where one cannot be opened, else every fault.

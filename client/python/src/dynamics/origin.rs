@@ -10,7 +10,7 @@ use sarrus_client::{ConnectOptions, Lock, Options, Robot, Source, Transport, Wai
 use sarrus_models::{Base, Loaded, load, texts};
 use sarrus_serve::record::RecordedRobot;
 
-use super::errors::{connect_error, load_error};
+use super::errors::{load_error, robot_error};
 use super::options::fingerprint;
 use super::signals::{is_main, waiting};
 
@@ -155,7 +155,7 @@ impl PyOrigin {
             Origin::Served { name, options } => {
                 let is_main = is_main(py)?;
                 let connect = || waiting(is_main, || Robot::connect_with(name, *options));
-                py.detach(connect)?.map_err(connect_error)
+                py.detach(connect)?.map_err(|error| robot_error(error.into()))
             }
         }
     }

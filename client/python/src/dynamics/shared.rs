@@ -107,17 +107,6 @@ impl Shared {
         })
     }
 
-    /// Asks for one state.
-    pub(super) fn ask(
-        &self,
-        py: Python<'_>,
-        plan: PlanId,
-        input: &[f64],
-        output: &mut [f64],
-    ) -> PyResult<Answer> {
-        self.with(py, |robot| robot.ask(plan, input, output))
-    }
-
     /// Asks for states of a batch, which holds no lock of Python, on the thread that called.
     pub(super) fn batch_detached(
         &self,

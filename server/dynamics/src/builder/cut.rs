@@ -1,5 +1,7 @@
 //! One cut of a loop under construction, and the rows of the usual cut joints.
 
+use nalgebra::Vector3;
+
 use super::joint::vector;
 use super::{DescriptionBuilder, LinkId};
 use crate::description::{Cut, Loop, Placement, Row};
@@ -124,11 +126,10 @@ impl CutJoint {
             .iter()
             .map(|(name, [x, y, z])| (format!("r{name}"), [*x, *y, *z, 0.0, 0.0, 0.0], None));
         // removes the rounding of a file
-        let [x, y, z] = unit(axis);
-        let along = dot([x, y, z], axis2);
-        let against = unit([axis2[0] - along * x, axis2[1] - along * y, axis2[2] - along * z]);
+        let [first, second] = [unit(axis.into()), Vector3::from(axis2)];
+        let against = unit(second - first * first.dot(&second)).into();
         let turn = matches!(self, Universal { .. })
-            .then(|| ("u".to_owned(), [x, y, z, 0.0, 0.0, 0.0], Some(against)));
+            .then(|| ("u".to_owned(), [first.x, first.y, first.z, 0.0, 0.0, 0.0], Some(against)));
         linear
             .chain(angular)
             .chain(turn)
@@ -200,27 +201,16 @@ impl<'a> CutBuilder<'a> {
 /// Two directions b and c = axis × b, perpendicular to an axis and of unit length; exact where the
 /// axis is one of the frame.
 fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
-    let a = unit(axis);
-    let mut k = 0;
-    for i in 1..3 {
-        if a[i].abs() < a[k].abs() {
-            k = i;
-        }
-    }
-    let b = unit(core::array::from_fn(|i| if i == k { 1.0 - a[k] * a[k] } else { -a[k] * a[i] }));
+    let a = unit(axis.into());
+    let k = a.iamin();
+    let b = unit(Vector3::ith(k, 1.0) - a * a[k]);
     // 0.0 turns −0.0 round
-    [b, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]]
-        .map(|v| v.map(|x| x + 0.0))
+    [b, a.cross(&b)].map(|v| v.map(|x| x + 0.0).into())
 }
 
-fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    // a cut without an axis has no row of it
-    if length > 0.0 { v.map(|x| x / length) } else { v }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// A direction of unit length; a cut without an axis has no row of it.
+fn unit(v: Vector3<f64>) -> Vector3<f64> {
+    v.try_normalize(0.0).unwrap_or(v)
 }
 
 #[cfg(test)]
@@ -238,6 +228,7 @@ mod tests {
     fn the_directions_across_a_tilted_axis_are_a_right_handed_frame_with_it() {
         let axis = [0.36, 0.48, -0.8];
         let [b, c] = across(axis);
+        let dot = |a: [f64; 3], b: [f64; 3]| Vector3::from(a).dot(&Vector3::from(b));
         for (value, expected) in [
             (dot(b, axis), 0.0),
             (dot(c, axis), 0.0),

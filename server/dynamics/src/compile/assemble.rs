@@ -10,10 +10,9 @@ use crate::closure::Closure;
 use crate::compile::canonical;
 use crate::compile::couplings::{characteristic_length, couplings, units};
 use crate::compile::geometry::{norm, onto_z, unit, vector};
-use crate::compile::orders::Names;
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
-use crate::description::{Description, Friction, JointKind, Limits, Loop};
+use crate::description::{Description, Friction, JointKind, Loop};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::linalg::TreeSparsity;
 use crate::mechanism::{Body, JointTerms, Motion};
@@ -161,7 +160,7 @@ pub(super) struct Builder<'a> {
     pub(super) body_of: Vec<usize>,
     /// Orientation of each body's frame in its child link's.
     pub(super) R_link_body: Vec<Matrix3<Dd>>,
-    pub(super) names: Names,
+    pub(super) meta: ModelInfo,
 }
 
 impl<'a> Builder<'a> {
@@ -236,7 +235,7 @@ impl<'a> Builder<'a> {
             model,
             body_of: vec![0; n],
             R_link_body,
-            names: Names::default(),
+            meta: ModelInfo::default(),
         })
     }
 
@@ -332,16 +331,16 @@ impl<'a> Builder<'a> {
 
     /// The model, and its names and sizes.
     fn finish(mut self) -> (Model<Dd>, ModelInfo) {
-        let branches = self.branches();
-        let names = self.names;
+        self.meta.branches = self.branches();
+        let meta = self.meta;
         let sizes = Sizes {
-            n_q: names.tree_q.len(),
-            n_v: names.tree.len(),
-            n_qy: names.independent_q.len(),
-            n_vy: names.independent.len(),
-            n_u: names.active.len(),
-            n_c: names.loops.len(),
-            n_branches: branches.len(),
+            n_q: meta.tree_q.len(),
+            n_v: meta.tree.len(),
+            n_qy: meta.independent_q.len(),
+            n_vy: meta.independent.len(),
+            n_u: meta.active.len(),
+            n_c: meta.loops.len(),
+            n_branches: meta.branches.len(),
             n_bodies: self.model.bodies.len() - 1,
             n_cuts: self.model.order.cuts.len(),
         };
@@ -349,17 +348,8 @@ impl<'a> Builder<'a> {
             robot: self.description.name.clone(),
             fingerprint: self.description.fingerprint(),
             sizes,
-            tree: names.tree,
-            tree_q: names.tree_q,
-            independent: names.independent,
-            independent_q: names.independent_q,
-            active: names.active,
-            loops: names.loops,
-            branches,
             links: self.description.links.iter().map(|link| link.name.clone()).collect(),
-            limits: names.limits.iter().map(|limits| limits.map(Limits::finite)).collect(),
-            closures: Vec::new(),
-            warnings: Vec::new(),
+            ..meta
         };
         (self.model, meta)
     }

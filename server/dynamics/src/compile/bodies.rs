@@ -5,7 +5,7 @@ use crate::compile::assemble::Builder;
 use crate::compile::geometry::inertia;
 use crate::description::JointKind;
 use crate::mechanism::{Body, Cluster, Dof, Frame, Motion, Windings};
-use crate::scalar::{Dd, Real};
+use crate::scalar::Dd;
 use crate::spatial::{Pose, zero};
 
 /// Independent and dependent velocities and coordinates of a cluster, and its actuators as (place
@@ -122,9 +122,7 @@ impl Builder<'_> {
             R_parent_body: x_parent_body.R,
             p_parent_body: x_parent_body.p,
             p_local: x_parent_body.p,
-            mass: Dd::ZERO,
-            h: zero(),
-            inertia: [Dd::ZERO; 6],
+            ..self.model.bodies[0].clone()
         }
     }
 

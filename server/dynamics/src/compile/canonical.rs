@@ -75,8 +75,8 @@ pub fn loops_of(description: &Description, s: usize) -> Vec<Loop> {
 /// The loops that a type defines on these joints; `None` where their geometry is another.
 fn of_type(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
     match submechanism.kind {
-        SubmechanismKind::Rrpr => lambda(description, submechanism),
-        SubmechanismKind::SliderCrank => slider_crank(description, submechanism),
+        SubmechanismKind::Rrpr => with_slider(description, submechanism, false),
+        SubmechanismKind::SliderCrank => with_slider(description, submechanism, true),
         SubmechanismKind::Spu2U1 => legs(description, submechanism, 2),
         SubmechanismKind::Sprr2U1 if submechanism.spanning_tree.len() == 10 => {
             arms(description, submechanism)
@@ -113,38 +113,30 @@ pub fn fitting_types(
     CLOSED_FORMS.into_iter().filter_map(fits).collect()
 }
 
-/// RRPR: rocker, stator, slider; the pin is the slider's origin, tied to the rocker along the
-/// slider and across it in the plane that is perpendicular to the rocker's axis.
-fn lambda(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
-    let [rocker, stator, slider] = submechanism.spanning_tree[..] else { return None };
-    let [below_rocker, below_stator, below_slider] =
-        [rocker, stator, slider].map(|j| carrier(description, description.joints[j].parent));
-    let fits = below_rocker == below_stator && below_slider == Some(stator);
-    if !fits || !turn_turn_slide(description, [rocker, stator, slider]) {
-        return None;
-    }
-    Some(vec![pin(description, rocker, rocker, slider)?])
-}
-
-/// Slider-crank: crank, coupler, slider; the pin is the slider's origin, tied to the coupler along
-/// the slider and across it in the plane that is perpendicular to the crank's axis.
-fn slider_crank(description: &Description, submechanism: &Submechanism) -> Option<Vec<Loop>> {
-    let [crank, coupler, slider] = submechanism.spanning_tree[..] else { return None };
-    let [below_crank, below_coupler, below_slider] =
-        [crank, coupler, slider].map(|j| carrier(description, description.joints[j].parent));
-    let fits = below_crank == below_slider && below_coupler == Some(crank);
-    if !fits || !turn_turn_slide(description, [crank, coupler, slider]) {
-        return None;
-    }
-    Some(vec![pin(description, crank, coupler, slider)?])
-}
-
-/// Whether the first two joints turn and the third slides.
-fn turn_turn_slide(description: &Description, [a, b, c]: [usize; 3]) -> bool {
-    let turns = |j: usize| {
-        matches!(description.joints[j].kind, JointKind::Revolute | JointKind::Continuous)
+/// Two joints that turn and a slider: of an RRPR rocker, stator on the same body, slider on the
+/// stator; of a slider-crank crank, coupler on it, slider on the crank's body. The pin is the
+/// slider's origin, tied to the rocker or the coupler along the slider and across it in the plane
+/// that is perpendicular to the first axis.
+fn with_slider(
+    description: &Description,
+    submechanism: &Submechanism,
+    is_crank: bool,
+) -> Option<Vec<Loop>> {
+    let [first, second, slider] = submechanism.spanning_tree[..] else { return None };
+    let joints = &description.joints;
+    let [below_first, below_second, below_slider] =
+        [first, second, slider].map(|j| carrier(description, joints[j].parent));
+    let (held, fits) = if is_crank {
+        (second, below_first == below_slider && below_second == Some(first))
+    } else {
+        (first, below_first == below_second && below_slider == Some(second))
     };
-    turns(a) && turns(b) && description.joints[c].kind == JointKind::Prismatic
+    let turns = |j: usize| matches!(joints[j].kind, JointKind::Revolute | JointKind::Continuous);
+    let is_slider = joints[slider].kind == JointKind::Prismatic;
+    if !fits || !turns(first) || !turns(second) || !is_slider {
+        return None;
+    }
+    Some(vec![pin(description, first, held, slider)?])
 }
 
 /// The slider's origin tied to the body of another joint along the slider and across it,
@@ -273,17 +265,10 @@ fn spherical(description: &Description, slider: usize, successor: usize) -> Loop
 
 /// True when a joint lies on the path from the root to another.
 fn is_above(description: &Description, j: usize, other: usize) -> bool {
-    let mut link = description.joints[other].parent;
-    for _ in 0..=description.joints.len() {
-        let Some(at) = description.joints.iter().position(|joint| joint.child == link) else {
-            return false;
-        };
-        if at == j {
-            return true;
-        }
-        link = description.joints[at].parent;
-    }
-    false
+    let joints = &description.joints;
+    let below = |j: &usize| joints.iter().position(|joint| joint.child == joints[*j].parent);
+    // joints of a file may form a cycle
+    std::iter::successors(Some(other), below).skip(1).take(joints.len()).any(|at| at == j)
 }
 
 /// Axis of a joint at zero {root}.

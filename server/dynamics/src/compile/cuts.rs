@@ -29,7 +29,7 @@ impl Builder<'_> {
                 let cut = self.cut(cycle, c, &a, &b, &world);
                 let names = cycle.rows.iter().map(|row| format!("{}/{}", cycle.name, row.name));
                 self.push_cut(c, cut, names);
-                owner.resize(self.names.loops.len(), s);
+                owner.resize(self.meta.loops.len(), s);
             }
             for &j in &submechanism.spanning_tree {
                 let joint = &self.description.joints[j];
@@ -37,7 +37,7 @@ impl Builder<'_> {
                 let c = self.model.cluster_of[self.body_of[self.skeleton.moving_of[j]]];
                 let cut = self.coupling(j, coupling, self.model.clusters[c].v);
                 self.push_cut(c, cut, [format!("{}/coupling", joint.name)]);
-                owner.resize(self.names.loops.len(), s);
+                owner.resize(self.meta.loops.len(), s);
             }
         }
         owner
@@ -45,10 +45,10 @@ impl Builder<'_> {
 
     /// Adds a cut to a cluster, with the names of its rows.
     fn push_cut(&mut self, c: usize, cut: Cut<Dd>, names: impl IntoIterator<Item = String>) {
-        let first = self.names.loops.len();
-        self.names.loops.extend(names);
+        let first = self.meta.loops.len();
+        self.meta.loops.extend(names);
         let cluster = &mut self.model.clusters[c];
-        cluster.rows.extend(first..self.names.loops.len());
+        cluster.rows.extend(first..self.meta.loops.len());
         if !cut.is_coupling() {
             self.model.order.cuts.push((c, cluster.cuts.len()));
         }

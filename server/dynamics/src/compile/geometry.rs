@@ -60,12 +60,7 @@ pub(crate) fn unit_of(x: [f64; 3]) -> Option<Vector3<Dd>> {
 /// A rotation whose third column is the unit vector z; a permutation where z is along an axis.
 pub(crate) fn onto_z(z: &Vector3<Dd>) -> Matrix3<Dd> {
     // start from the axis that is farthest from z
-    let mut k = 0;
-    for i in 1..3 {
-        if z[i].abs() < z[k].abs() {
-            k = i;
-        }
-    }
+    let k = (1..3).fold(0, |k, i| if z[i].abs() < z[k].abs() { i } else { k });
     let axis = |i: usize| Dd::from_f64(if i == k { 1.0 } else { 0.0 });
     let e = Vector3::new(axis(0), axis(1), axis(2));
     let y = (*z).cross(e);

@@ -2,22 +2,9 @@
 
 use crate::closure::Closure;
 use crate::compile::assemble::Builder;
-use crate::description as written;
-use crate::description::JointKind;
+use crate::description::{JointKind, Limits};
 use crate::mechanism::{Motion, Motor};
 use crate::model::Limit;
-
-/// Names and limits in external order.
-#[derive(Default)]
-pub(super) struct Names {
-    pub(super) tree: Vec<String>,
-    pub(super) tree_q: Vec<String>,
-    pub(super) independent: Vec<String>,
-    pub(super) independent_q: Vec<String>,
-    pub(super) active: Vec<String>,
-    pub(super) loops: Vec<String>,
-    pub(super) limits: Vec<Option<written::Limits>>,
-}
 
 impl Builder<'_> {
     /// External orders, names and limits.
@@ -38,13 +25,9 @@ impl Builder<'_> {
                 let v = body.v;
                 self.model.order.u_q.push(q);
                 self.model.order.u_v.push(v);
-                self.names.active.push(joint.name.clone());
-                let of = |limit: fn(&written::Limits) -> f64| {
-                    joint.limits.as_ref().map_or(f64::INFINITY, limit)
-                };
-                let effort = of(|limits| limits.effort);
+                self.meta.active.push(joint.name.clone());
+                let Limits { effort, velocity, .. } = joint.limits.unwrap_or(Limits::NONE);
                 self.model.effort.push(effort);
-                let velocity = of(|limits| limits.velocity);
                 let known = joint.motor.as_ref();
                 self.model.motors.push(Motor {
                     effort,
@@ -75,14 +58,14 @@ impl Builder<'_> {
         self.model.order.bodies.push((i, joint.child));
         self.model.order.q.extend(q..q + motion.n_q());
         self.model.order.v.extend(v..v + motion.n_v());
-        self.names.tree.extend(velocity_names(&joint.name, motion));
-        self.names.tree_q.extend(coordinate_names(&joint.name, motion));
+        self.meta.tree.extend(velocity_names(&joint.name, motion));
+        self.meta.tree_q.extend(coordinate_names(&joint.name, motion));
         if motion.n_v() > 1 {
-            self.names.limits.extend(std::iter::repeat_n(None, motion.n_v()));
+            self.meta.limits.extend(std::iter::repeat_n(None, motion.n_v()));
             return;
         }
-        self.names.limits.push(joint.limits);
-        if let Some(written::Limits { mut lower, mut upper, velocity, .. }) = joint.limits {
+        self.meta.limits.push(joint.limits.map(Limits::finite));
+        if let Some(Limits { mut lower, mut upper, velocity, .. }) = joint.limits {
             if joint.kind == JointKind::Continuous {
                 lower = f64::NEG_INFINITY;
                 upper = f64::INFINITY;
@@ -103,8 +86,8 @@ impl Builder<'_> {
         order.qy_q.extend(body.q..body.q + body.motion.n_q());
         order.vy_v.extend(body.v..body.v + body.motion.n_v());
         order.vy.extend(first..first + body.motion.n_v());
-        self.names.independent.extend(velocity_names(name, body.motion));
-        self.names.independent_q.extend(coordinate_names(name, body.motion));
+        self.meta.independent.extend(velocity_names(name, body.motion));
+        self.meta.independent_q.extend(coordinate_names(name, body.motion));
     }
 
     /// Names of the closed clusters that are not pure couplings, in the order of their

@@ -74,7 +74,7 @@ pub(crate) struct Connection {
 
 /// All clients of a run.
 pub(crate) struct Connections {
-    listener: Listener,
+    pub(crate) listener: Listener,
     /// By their numbers in the table of plans.
     clients: BTreeMap<u64, Connection>,
     /// Connections so far.
@@ -177,10 +177,6 @@ impl Connections {
             Refusal::TooManyClients { .. } => greatest(self.served().map(process)),
             _ => None,
         }
-    }
-
-    pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
-        self.listener.listener_mut()
     }
 
     pub(crate) fn get(&self, number: u64) -> Option<&Connection> {

@@ -12,7 +12,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 
 /// The socket that clients connect to.
 pub(crate) struct Listener {
-    listener: ControlListener,
+    pub(crate) listener: ControlListener,
     /// End of the pause.
     paused_until: Option<Instant>,
 }
@@ -20,10 +20,6 @@ pub(crate) struct Listener {
 impl Listener {
     pub(crate) fn new(listener: ControlListener) -> Listener {
         Listener { listener, paused_until: None }
-    }
-
-    pub(crate) fn listener_mut(&mut self) -> &mut ControlListener {
-        &mut self.listener
     }
 
     /// Descriptor to poll for new clients; none are awaited without room.

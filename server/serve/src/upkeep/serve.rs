@@ -401,7 +401,7 @@ impl Upkeep {
     fn restore(&mut self) {
         let Calls { run, connections, .. } = &mut self.calls;
         run.restore();
-        let listener = connections.listener_mut();
+        let listener = &mut connections.listener.listener;
         if !listener.is_reachable(run.name_folder())
             && let Ok(fresh) = run.listen()
         {

@@ -1,6 +1,7 @@
 //! Energy of a robot from masses, poses and twists of its links, with rotors and springs in joints;
 //! without any mass matrix.
 
+use nalgebra::{Matrix3, Vector3};
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Planned, Query, Request, Status};
 
@@ -28,7 +29,7 @@ struct Mass {
     /// Centre of mass {link}.
     at: [f64; 3],
     /// Inertia about it {link}.
-    inertia: [[f64; 3]; 3],
+    inertia: Matrix3<f64>,
 }
 
 /// Measures energies, in the precision in which loops are closed.
@@ -53,11 +54,13 @@ impl<T: PlanScalar> Meter<T> {
         for (k, link) in description.links.iter().enumerate() {
             if let Some(inertial) = &link.inertial {
                 links.push(k as u16);
-                let R = inertial.origin.rotation();
+                let [xx, xy, xz, yy, yz, zz] = inertial.inertia;
+                let I = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+                let R = Matrix3::<f64>::from(inertial.origin.rotation()).transpose();
                 masses.push(Mass {
                     mass: inertial.mass,
                     at: inertial.origin.xyz,
-                    inertia: turned_inertia(&R, inertial.inertia),
+                    inertia: R * I * R.transpose(),
                 });
             }
         }
@@ -140,23 +143,9 @@ impl Mass {
         let v = [0, 1, 2].map(|k| twist[3 + k] + spin[k]);
         // ω in the link
         let back = [-pose[3], -pose[4], -pose[5], pose[6]];
-        let w = turned(&back, [twist[0], twist[1], twist[2]]);
-        let turning: f64 =
-            (0..3).map(|i| w[i] * (0..3).map(|j| self.inertia[i][j] * w[j]).sum::<f64>()).sum();
+        let w = Vector3::from(turned(&back, [twist[0], twist[1], twist[2]]));
+        let turning = w.dot(&(self.inertia * w));
         let kinetic = 0.5 * (self.mass * v.iter().map(|x| x * x).sum::<f64>() + turning);
         (kinetic, -self.mass * (0..3).map(|k| gravity[k] * (pose[k] + arm[k])).sum::<f64>())
     }
-}
-
-/// R I Rᵀ of I = xx xy xz yy yz zz.
-fn turned_inertia(R: &[[f64; 3]; 3], [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> [[f64; 3]; 3] {
-    let I = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let mut out = [[0.0; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            out[i][j] =
-                (0..3).map(|k| R[i][k] * (0..3).map(|l| I[k][l] * R[j][l]).sum::<f64>()).sum();
-        }
-    }
-    out
 }

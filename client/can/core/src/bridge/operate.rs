@@ -5,6 +5,7 @@ use sarrus_proto::actuators::{Operation, OperatorRequest, Reason};
 
 use super::Bridge;
 use super::motor::Motor;
+use crate::config::Commissioning;
 
 /// Requests for power that are older than this have expired `[ns]`.
 const OPERATION_NS: u64 = 1_000_000_000;
@@ -57,8 +58,8 @@ impl Bridge {
         if operation == Operation::Arm {
             self.armed_at = self.command.stamp_ns;
         }
-        let uncommissioned =
-            self.configuration.commissioning.is_missing().then_some(Reason::NotCommissioned);
+        let is_missing = matches!(self.configuration.commissioning, Commissioning::Missing(_));
+        let uncommissioned = is_missing.then_some(Reason::NotCommissioned);
         let Bridge { motors, mechanisms, reset_ns, .. } = self;
         for (number, mechanism) in mechanisms.iter_mut().enumerate() {
             if meant.is_some_and(|meant| meant != number) {

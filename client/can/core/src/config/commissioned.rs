@@ -14,15 +14,8 @@ pub enum Commissioning {
     Waived,
     /// A record fits, or is being made.
     Done,
-    /// No record fits, and why.
+    /// No record fits, and why: nothing may be armed.
     Missing(String),
-}
-
-impl Commissioning {
-    /// Nothing may be armed.
-    pub fn is_missing(&self) -> bool {
-        matches!(self, Commissioning::Missing(_))
-    }
 }
 
 impl Configuration {

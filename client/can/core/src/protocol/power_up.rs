@@ -70,11 +70,6 @@ impl PowerUp {
         PowerUp { first: Stage::Asked(0), ..PowerUp::primed() }
     }
 
-    /// On the way to power.
-    fn is_starting(&self) -> bool {
-        matches!(self.stage, Stage::Primed | Stage::Asked(_))
-    }
-
     /// Power was asked for, and the motor has not lost it.
     pub(super) fn is_asked(&self) -> bool {
         matches!(self.stage, Stage::Asked(_) | Stage::On)
@@ -160,7 +155,8 @@ impl PowerUp {
     /// Power of a motor that reports it, but for its way there.
     #[inline]
     pub(super) fn reported(&self, power: Power) -> Power {
-        if power == Power::Off && self.is_starting() { Power::Starting } else { power }
+        let is_starting = matches!(self.stage, Stage::Primed | Stage::Asked(_));
+        if power == Power::Off && is_starting { Power::Starting } else { power }
     }
 
     /// [`fault::POWER_LOST`] where the motor lost its power by itself; else 0.

@@ -62,7 +62,7 @@ pub(crate) const MASSLESS_LINKS: Sweep = Sweep {
     },
     robots: &[
         heavy("lambda, light stator", "lambda", &["ElbowB11_Link"]),
-        Subject::new("lambda, light all but the slider", Bundled("lambda"), By(light_but_slider)),
+        Subject::new("lambda, light all but the slider", Bundled("lambda"), LIGHT_BUT_SLIDER),
         heavy("Stewart, light legs", "stewart", &LEGS_OF_STEWART),
         Subject::new("3 rods, light middle", Rods(3), Masses(&["link2"])),
         Subject::new("3 rods, light end", Rods(3), Masses(&["link3"])),
@@ -72,9 +72,8 @@ pub(crate) const MASSLESS_LINKS: Sweep = Sweep {
     ask: dynamics,
 };
 
-fn light_but_slider(of: &mut Description, share: f64) {
-    heavier(of, &|link| link != "ElbowAct_Link", share);
-}
+const LIGHT_BUT_SLIDER: Change =
+    By(|of, share| heavier(of, &|link| link != "ElbowAct_Link", share));
 
 fn light_end_with_rotor(of: &mut Description, share: f64) {
     heavier(of, &|link| link == "link3", share);

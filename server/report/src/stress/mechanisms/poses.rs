@@ -1,16 +1,8 @@
 //! Poses of links and gaps of loops, computed from a description without any code of the kernels
 //! that it checks.
 
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use sarrus_dynamics::description::{Cut, Description, Joint, JointKind, Placement};
-
-type Matrix = [[f64; 3]; 3];
-
-/// Rotation and translation {root}.
-#[derive(Clone, Copy, Debug)]
-struct Pose {
-    turn: Matrix,
-    at: [f64; 3],
-}
 
 /// The largest misfit of all rows of all loops, in radians and in parts of `length`; q by joint.
 /// None where a joint has more than one freedom.
@@ -19,17 +11,14 @@ pub(crate) fn open_by(of: &Description, q: &[(String, f64)], length: f64) -> Opt
     let mut open: f64 = 0.0;
     for cut in of.submechanisms.iter().flat_map(|part| &part.loops) {
         let Cut::Placed { predecessor, successor } = &cut.cut else { return None };
-        let on = |link: usize, place: &Placement| after(&poses[link], &placed(place));
-        let [p, s] = [on(cut.predecessor, predecessor), on(cut.successor, successor)];
-        let back = transposed(&p.turn);
-        let turn = log(&times(&back, &s.turn));
-        let apart = apply(&back, std::array::from_fn(|k| s.at[k] - p.at[k]));
+        let on = |link: usize, place: &Placement| poses[link] * placed(place);
+        let gap = on(cut.predecessor, predecessor).inv_mul(&on(cut.successor, successor));
+        let turn = gap.rotation.scaled_axis();
         for row in &cut.rows {
-            let [a, l]: [[f64; 3]; 2] =
-                [std::array::from_fn(|k| row.axis[k]), std::array::from_fn(|k| row.axis[k + 3])];
+            let [a, l] = [&row.axis[..3], &row.axis[3..]].map(Vector3::from_column_slice);
             let phi = match row.against {
-                Some(b) => dot(a, apply(&times(&back, &s.turn), b)),
-                None => dot(a, turn) + dot(l, apart) / length,
+                Some(b) => a.dot(&(gap.rotation * Vector3::from(b))),
+                None => a.dot(&turn) + l.dot(&gap.translation.vector) / length,
             };
             open = open.max(phi.abs());
         }
@@ -37,84 +26,37 @@ pub(crate) fn open_by(of: &Description, q: &[(String, f64)], length: f64) -> Opt
     Some(open)
 }
 
-fn poses(of: &Description, q: &[(String, f64)]) -> Option<Vec<Pose>> {
-    let still = Pose { turn: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], at: [0.0; 3] };
+/// Poses of all links {root}.
+fn poses(of: &Description, q: &[(String, f64)]) -> Option<Vec<Isometry3<f64>>> {
     let mut poses = vec![None; of.links.len()];
     let root = (0..of.links.len()).find(|link| of.joints.iter().all(|j| j.child != *link))?;
-    poses[root] = Some(still);
+    poses[root] = Some(Isometry3::identity());
     // joints may have any order
     for _ in 0..of.joints.len() {
         for joint in &of.joints {
             if let (Some(parent), None) = (poses[joint.parent], poses[joint.child]) {
-                let moved = motion(joint, q)?;
-                poses[joint.child] = Some(after(&after(&parent, &placed(&joint.origin)), &moved));
+                poses[joint.child] = Some(parent * placed(&joint.origin) * motion(joint, q)?);
             }
         }
     }
     poses.into_iter().collect()
 }
 
-fn motion(joint: &Joint, q: &[(String, f64)]) -> Option<Pose> {
+fn motion(joint: &Joint, q: &[(String, f64)]) -> Option<Isometry3<f64>> {
     let x = q.iter().find(|(name, _)| *name == joint.name).map_or(0.0, |(_, x)| *x);
-    let size = dot(joint.axis, joint.axis).sqrt();
-    let axis = joint.axis.map(|a| a / size);
-    let (turn, way) = match joint.kind {
-        JointKind::Fixed => (0.0, 0.0),
-        JointKind::Revolute | JointKind::Continuous => (x, 0.0),
-        JointKind::Prismatic => (0.0, x),
-        _ => return None,
-    };
-    Some(Pose { turn: rotation(axis, turn), at: axis.map(|a| a * way) })
+    let axis = Vector3::from(joint.axis).normalize();
+    match joint.kind {
+        JointKind::Fixed => Some(Isometry3::identity()),
+        JointKind::Revolute | JointKind::Continuous => Some(Isometry3::rotation(axis * x)),
+        JointKind::Prismatic => Some(Translation3::from(axis * x).into()),
+        _ => None,
+    }
 }
 
-fn placed(place: &Placement) -> Pose {
+fn placed(place: &Placement) -> Isometry3<f64> {
     let [roll, pitch, yaw] = place.rpy;
-    let turn = times(
-        &rotation([0.0, 0.0, 1.0], yaw),
-        &times(&rotation([0.0, 1.0, 0.0], pitch), &rotation([1.0, 0.0, 0.0], roll)),
-    );
-    Pose { turn, at: place.xyz }
-}
-
-/// Rodrigues' formula.
-fn rotation([x, y, z]: [f64; 3], angle: f64) -> Matrix {
-    let (s, c) = angle.sin_cos();
-    let v = 1.0 - c;
-    [
-        [x * x * v + c, x * y * v - z * s, x * z * v + y * s],
-        [x * y * v + z * s, y * y * v + c, y * z * v - x * s],
-        [x * z * v - y * s, y * z * v + x * s, z * z * v + c],
-    ]
-}
-
-/// The vector of a rotation; turns below π.
-fn log(r: &Matrix) -> [f64; 3] {
-    let axis = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]].map(|x| 0.5 * x);
-    let sine = dot(axis, axis).sqrt();
-    let cosine = 0.5 * (r[0][0] + r[1][1] + r[2][2] - 1.0);
-    let angle = f64::atan2(sine, cosine);
-    axis.map(|x| if sine > 0.0 { x * angle / sine } else { x })
-}
-
-fn after(a: &Pose, b: &Pose) -> Pose {
-    let shifted = apply(&a.turn, b.at);
-    Pose { turn: times(&a.turn, &b.turn), at: std::array::from_fn(|k| a.at[k] + shifted[k]) }
-}
-
-fn times(a: &Matrix, b: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-fn transposed(a: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-fn apply(a: &Matrix, v: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| dot(a[i], v))
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let turn = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+    Isometry3::from_parts(Translation3::from(place.xyz), turn)
 }
 
 #[cfg(test)]
