@@ -2,8 +2,7 @@
 #![forbid(unsafe_code)]
 
 use core::cell::Cell;
-use core::cmp::Ordering;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use sarrus_dynamics::scalar::{Plain, Real, Six};
 use sarrus_dynamics::{Model, Plan, PlanScalar, Workspace};
@@ -27,7 +26,7 @@ std::thread_local! {
 }
 
 /// A double that counts its operations, on each thread by itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 struct Counted(f64);
 
 impl Counted {
@@ -39,12 +38,6 @@ impl Counted {
     fn after(x: f64) -> Counted {
         OPERATIONS.set(OPERATIONS.get().wrapping_add(1));
         Counted(x)
-    }
-}
-
-impl PartialOrd for Counted {
-    fn partial_cmp(&self, other: &Counted) -> Option<Ordering> {
-        self.0.partial_cmp(&other.0)
     }
 }
 
@@ -83,23 +76,7 @@ impl Neg for Counted {
     }
 }
 
-impl AddAssign for Counted {
-    fn add_assign(&mut self, other: Counted) {
-        *self = *self + other;
-    }
-}
-
-impl SubAssign for Counted {
-    fn sub_assign(&mut self, other: Counted) {
-        *self = *self - other;
-    }
-}
-
-impl MulAssign for Counted {
-    fn mul_assign(&mut self, other: Counted) {
-        *self = *self * other;
-    }
-}
+sarrus_dynamics::assigned!(Counted);
 
 impl PlanScalar for Counted {}
 

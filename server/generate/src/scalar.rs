@@ -12,7 +12,7 @@
 //!   finiteness follows from another condition, or is checked.
 
 use core::cmp::Ordering;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use sarrus_dynamics::scalar::{BranchValue, Plain, Real, Six};
 
@@ -222,17 +222,7 @@ impl Neg for Traced {
     }
 }
 
-macro_rules! assign {
-    ($($trait:ident: $method:ident $operation:tt),*) => {$(
-        impl $trait for Traced {
-            fn $method(&mut self, other: Traced) {
-                *self = *self $operation other;
-            }
-        }
-    )*};
-}
-
-assign!(AddAssign: add_assign +, SubAssign: sub_assign -, MulAssign: mul_assign *);
+sarrus_dynamics::assigned!(Traced);
 
 impl Real for Traced {
     type Triple = Plain<Traced>;

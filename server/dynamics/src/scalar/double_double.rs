@@ -6,7 +6,7 @@ mod decimal;
 #[cfg(test)]
 pub(super) mod reference;
 
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::scalar::{Plain, Real, Six};
 
@@ -138,26 +138,7 @@ impl Div for Dd {
     }
 }
 
-impl AddAssign for Dd {
-    #[inline]
-    fn add_assign(&mut self, b: Dd) {
-        *self = *self + b;
-    }
-}
-
-impl SubAssign for Dd {
-    #[inline]
-    fn sub_assign(&mut self, b: Dd) {
-        *self = *self - b;
-    }
-}
-
-impl MulAssign for Dd {
-    #[inline]
-    fn mul_assign(&mut self, b: Dd) {
-        *self = *self * b;
-    }
-}
+crate::assigned!(Dd);
 
 impl Real for Dd {
     type Triple = Plain<Dd>;

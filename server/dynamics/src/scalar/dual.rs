@@ -1,7 +1,7 @@
 //! Dual numbers: a value and its derivative along one direction, over any scalar.
 
 use core::cmp::Ordering;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::scalar::{Plain, Real, Six};
 
@@ -106,23 +106,7 @@ impl<S: Real> Div for Dual<S> {
     }
 }
 
-impl<S: Real> AddAssign for Dual<S> {
-    fn add_assign(&mut self, b: Dual<S>) {
-        *self = *self + b;
-    }
-}
-
-impl<S: Real> SubAssign for Dual<S> {
-    fn sub_assign(&mut self, b: Dual<S>) {
-        *self = *self - b;
-    }
-}
-
-impl<S: Real> MulAssign for Dual<S> {
-    fn mul_assign(&mut self, b: Dual<S>) {
-        *self = *self * b;
-    }
-}
+crate::assigned!(Dual<S>, S: Real);
 
 impl<S: Real> Real for Dual<S> {
     type Triple = Plain<Dual<S>>;

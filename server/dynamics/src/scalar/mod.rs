@@ -26,6 +26,33 @@ use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use wide::f64x4;
 
+/// `+=`, `-=` and `*=` of a scalar, by its `+`, `-` and `*`.
+#[macro_export]
+macro_rules! assigned {
+    ($scalar:ty $(, $S:ident: $bound:path)?) => {
+        impl $(<$S: $bound>)? core::ops::AddAssign for $scalar {
+            #[inline(always)]
+            fn add_assign(&mut self, other: $scalar) {
+                *self = *self + other;
+            }
+        }
+
+        impl $(<$S: $bound>)? core::ops::SubAssign for $scalar {
+            #[inline(always)]
+            fn sub_assign(&mut self, other: $scalar) {
+                *self = *self - other;
+            }
+        }
+
+        impl $(<$S: $bound>)? core::ops::MulAssign for $scalar {
+            #[inline(always)]
+            fn mul_assign(&mut self, other: $scalar) {
+                *self = *self * other;
+            }
+        }
+    };
+}
+
 /// A real number as kernels see it: `f64` and its packet of several states, double-double, dual
 /// and counting numbers.
 ///

@@ -8,7 +8,7 @@
 
 use core::cell::Cell;
 use core::cmp::Ordering;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 #[cfg(not(target_feature = "avx512f"))]
 use wide::f64x4 as Register;
@@ -140,7 +140,7 @@ impl PartialOrd for Packet {
 }
 
 macro_rules! operator {
-    ($($trait:ident $function:ident $assign:ident $assigned:ident),*) => {$(
+    ($($trait:ident $function:ident),*) => {$(
         impl $trait for Packet {
             type Output = Packet;
             #[inline(always)]
@@ -148,29 +148,11 @@ macro_rules! operator {
                 Packet($trait::$function(self.0, other.0))
             }
         }
-
-        impl $assign for Packet {
-            #[inline(always)]
-            fn $assigned(&mut self, other: Packet) {
-                *self = $trait::$function(*self, other);
-            }
-        }
     )*};
 }
 
-operator!(
-    Add add AddAssign add_assign,
-    Sub sub SubAssign sub_assign,
-    Mul mul MulAssign mul_assign
-);
-
-impl Div for Packet {
-    type Output = Packet;
-    #[inline(always)]
-    fn div(self, other: Packet) -> Packet {
-        Packet(self.0 / other.0)
-    }
-}
+operator!(Add add, Sub sub, Mul mul, Div div);
+crate::assigned!(Packet);
 
 impl Neg for Packet {
     type Output = Packet;
