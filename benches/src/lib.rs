@@ -7,6 +7,7 @@
 //! - Forward dynamics by each method beside the predictions of the cost model (`forward.rs`).
 //! - Requests in task space (`tasks.rs`).
 //! - Cost against size, with exponents (`scaling.rs`).
+//! - Parts of questions as fractions of the whole (`partial.rs`).
 //! - Many states at once, compared with one by one (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).
@@ -30,6 +31,7 @@ mod count;
 mod errors;
 mod forward;
 mod in_process;
+mod partial;
 pub mod printed;
 mod scaling;
 pub mod table;
@@ -39,5 +41,6 @@ pub use self::batches::run as batches;
 pub use self::count::run as count;
 pub use self::forward::run as forward;
 pub use self::in_process::{Options, run as in_process};
+pub use self::partial::{PartialOptions, run as partial};
 pub use self::scaling::{ScalingOptions, run as scaling};
 pub use self::tasks::run as tasks;
