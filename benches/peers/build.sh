@@ -1,7 +1,8 @@
 #!/bin/sh
 # Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh [NAME…]
-# writes target/peers/pinocchio, mujoco, simbody and drake; without names all that this machine can
-# build. Each that cannot be built is named with what it lacks; the exit code is then 1.
+# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, and drake; without names all
+# that this machine can build. Each that cannot be built is named with what it lacks; the exit code
+# is then 1.
 # Needed: python3 with venv and the network for the wheels of all but Simbody, clang++ and Eigen for
 # Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for Simbody.
 set -u
@@ -32,7 +33,7 @@ compile() {
     name=$1
     compiler=$2
     shift 2
-    "$compiler" -std=c++17 -O3 -DNDEBUG -w "benches/peers/$name.cpp" \
+    "$compiler" -std=c++17 -O3 -w "benches/peers/$name.cpp" \
         -o "$folder/$name.$$" "$@" || missing "$name does not compile" || return
     mv "$folder/$name.$$" "$folder/$name"
     echo "$folder/$name"
@@ -62,7 +63,7 @@ build_pinocchio() {
     prefix=$(packages pin "$pinocchio")/cmeel.prefix || return
     [ -d "$prefix/include/pinocchio" ] || missing "the wheel has no headers in $prefix" || return
     echo "compiling with $compiler, about two minutes"
-    compile pinocchio "$compiler" -march=native \
+    compile pinocchio "$compiler" -march=native -DNDEBUG \
         -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 \
         -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
         -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
@@ -76,17 +77,20 @@ build_mujoco() {
     place=$(packages mujoco "$mujoco")/mujoco || return
     library=$(ls "$place"/libmujoco.so.* 2>/dev/null | head -n 1)
     [ -n "$library" ] || missing "the wheel has no library in $place" || return
-    compile mujoco "$compiler" -isystem "$place/include" "$library" -Wl,-rpath,"$place"
+    compile mujoco "$compiler" -DNDEBUG -isystem "$place/include" "$library" -Wl,-rpath,"$place"
 }
 
+# with the names of its programs
 build_simbody() {
     compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
         return
     [ -d /usr/include/simbody ] ||
         missing "Simbody is missing (apt install libsimbody-dev)" || return
-    # its library and -march=native disagree about types that both hold
-    compile simbody "$compiler" -isystem /usr/include/simbody \
-        -lSimTKsimbody -lSimTKmath -lSimTKcommon
+    # its library disagrees with -march=native and -DNDEBUG about types that both hold
+    for name in "$@"; do
+        compile "$name" "$compiler" -isystem /usr/include/simbody \
+            -lSimTKsimbody -lSimTKmath -lSimTKcommon || return
+    done
 }
 
 build_drake() {
@@ -105,7 +109,8 @@ mkdir -p "$folder"
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | simbody | drake) "build_$peer" || code=1 ;;
+        pinocchio | mujoco | drake) "build_$peer" || code=1 ;;
+        simbody) build_simbody simbody motion_simbody || code=1 ;;
         *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake" || code=1 ;;
     esac
 done
