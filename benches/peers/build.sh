@@ -1,15 +1,18 @@
 #!/bin/sh
 # Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh [NAME…]
-# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, and drake; without names all
-# that this machine can build. Each that cannot be built is named with what it lacks; the exit code
-# is then 1.
-# Needed: python3 with venv and the network for the wheels of all but Simbody, clang++ and Eigen for
-# Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for Simbody.
+# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, drake and rbdl; without names
+# all that this machine can build. Each that cannot be built is named with what it lacks; the exit
+# code is then 1.
+# Needed: python3 with venv and the network for the wheels of Pinocchio, MuJoCo and Drake, clang++
+# and Eigen for Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for
+# Simbody. RBDL has no package: its sources are cloned, or RBDL_SOURCE=FOLDER has them; it needs a
+# C++ compiler and Eigen.
 set -u
 cd "$(dirname "$0")/../.."
 pinocchio=4.1.0
 mujoco=4.0.0
 drake=1.51.1
+rbdl=3.3.1
 folder=${CARGO_TARGET_DIR:-target}/peers
 
 missing() {
@@ -48,16 +51,19 @@ clang() {
     return 1
 }
 
+# the folder of Eigen's headers
+eigen() {
+    for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
+        [ ! -f "$place/Eigen/Dense" ] || { echo "$place"; return; }
+    done
+    missing "Eigen is missing (apt install libeigen3-dev, or EIGEN_INCLUDE=FOLDER)"
+}
+
 build_pinocchio() {
     compiler=$(clang) ||
         missing "clang++ is missing (apt install clang-16, or name a compiler: CXX=…)" || return
     "$compiler" --version 2>/dev/null | grep -q clang || missing "$compiler is no clang++" || return
-    eigen=
-    for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
-        [ -n "$eigen" ] || [ ! -f "$place/Eigen/Dense" ] || eigen=$place
-    done
-    [ -n "$eigen" ] ||
-        missing "Eigen is missing (apt install libeigen3-dev, or EIGEN_INCLUDE=FOLDER)" || return
+    eigen=$(eigen) || return
     # headers from the wheel; its shared libraries are not used, they disagree with -march=native
     # about alignment
     prefix=$(packages pin "$pinocchio")/cmeel.prefix || return
@@ -104,14 +110,37 @@ build_drake() {
     echo "$folder/drake"
 }
 
+build_rbdl() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    eigen=$(eigen) || return
+    source=${RBDL_SOURCE:-$folder/rbdl-$rbdl}
+    if [ ! -d "$source" ]; then
+        command -v git >/dev/null || missing "git is missing (apt install git)" || return
+        git clone --quiet --depth 1 --branch "v$rbdl" https://github.com/rbdl/rbdl "$source" ||
+            missing "git cannot clone RBDL $rbdl (or RBDL_SOURCE=FOLDER)" || return
+    fi
+    # what its cmake would write: the version, a static library, nothing optional
+    config=$folder/rbdl-config/rbdl
+    mkdir -p "$config"
+    sed -e "s/@RBDL_VERSION_MAJOR@/${rbdl%%.*}/" -e "s/@RBDL_VERSION_PATCH@/${rbdl##*.}/" \
+        -e "s/@RBDL_VERSION_MINOR@/$(echo "$rbdl" | cut -d. -f2)/" \
+        -e 's/^#cmakedefine RBDL_BUILD_STATIC.*/#define RBDL_BUILD_STATIC/' \
+        -e '/^#cmakedefine/d' "$source/include/rbdl/rbdl_config.h.cmake" >"$config/rbdl_config.h"
+    echo "compiling with $compiler, about two minutes"
+    compile rbdl "$compiler" -march=native -DNDEBUG -isystem "$source/include" \
+        -isystem "$folder/rbdl-config" -isystem "$eigen" \
+        $(ls "$source"/src/*.cc | grep -v rbdl_version)
+}
+
 mkdir -p "$folder"
-[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake
+[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake rbdl
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | drake) "build_$peer" || code=1 ;;
+        pinocchio | mujoco | drake | rbdl) "build_$peer" || code=1 ;;
         simbody) build_simbody simbody motion_simbody || code=1 ;;
-        *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake" || code=1 ;;
+        *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl" || code=1 ;;
     esac
 done
 exit $code
