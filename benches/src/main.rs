@@ -41,6 +41,9 @@ struct Flags {
     /// `--only` in it, and end.
     #[arg(long)]
     partial: bool,
+    /// Digits against processor time of Andrews' squeezer, and end.
+    #[arg(long)]
+    published: bool,
     /// Cost against bodies, loops, joints of a loop, rows of a block and states of a batch, and
     /// end.
     #[arg(long)]
@@ -56,6 +59,7 @@ fn main() -> ExitCode {
         Flags { batches: true, only, .. } => sarrus_benches::batches(&only),
         Flags { forward: true, .. } => sarrus_benches::forward(),
         Flags { tasks: true, .. } => sarrus_benches::tasks(),
+        Flags { published: true, .. } => sarrus_benches::published(),
         Flags { partial: true, quick, only, format, out, .. } => {
             sarrus_benches::partial(&PartialOptions { quick, only, format, out })
         }
