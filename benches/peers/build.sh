@@ -6,13 +6,18 @@
 # Needed: python3 with venv and the network for the wheels of Pinocchio, MuJoCo and Drake, clang++
 # and Eigen for Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for
 # Simbody. RBDL has no package: its sources are cloned, or RBDL_SOURCE=FOLDER has them; it needs a
-# C++ compiler and Eigen.
+# C++ compiler and Eigen. casadi_code, which `casadi_code.py` uses, is built where it is named.
 set -u
 cd "$(dirname "$0")/../.."
 pinocchio=4.1.0
 mujoco=4.0.0
 drake=1.51.1
 rbdl=3.3.1
+casadi=3.8.2
+# what Pinocchio's variants of joints need of Boost
+pinocchio_limits="-DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30
+    -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS -DBOOST_FUSION_INVOKE_MAX_ARITY=12
+    -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS"
 folder=${CARGO_TARGET_DIR:-target}/peers
 
 missing() {
@@ -70,10 +75,7 @@ build_pinocchio() {
     [ -d "$prefix/include/pinocchio" ] || missing "the wheel has no headers in $prefix" || return
     echo "compiling with $compiler, about two minutes"
     compile pinocchio "$compiler" -march=native -DNDEBUG \
-        -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 \
-        -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
-        -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
-        -isystem "$prefix/include" -isystem "$eigen" \
+        $pinocchio_limits -isystem "$prefix/include" -isystem "$eigen" \
         -L"$prefix/lib" -lboost_serialization -Wl,-rpath,"$prefix/lib"
 }
 
@@ -110,6 +112,22 @@ build_drake() {
     echo "$folder/drake"
 }
 
+# writes CasADi's C of Pinocchio's algorithms for casadi_code.py; it is no peer by itself
+build_casadi_code() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    eigen=$(eigen) || return
+    place=$(packages pin "$pinocchio") || return
+    packages casadi "$casadi" >/dev/null || return
+    echo "compiling with $compiler, about two minutes"
+    # it writes code and is not timed itself
+    compile casadi_code "$compiler" -O0 $pinocchio_limits \
+        -isystem "$place/cmeel.prefix/include" -isystem "$eigen" \
+        -isystem "$place/casadi/include" -L"$place/casadi" -lcasadi \
+        -L"$place/cmeel.prefix/lib" -lboost_serialization \
+        -Wl,-rpath,"$place/casadi" -Wl,-rpath,"$place/cmeel.prefix/lib"
+}
+
 build_rbdl() {
     compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
         return
@@ -138,9 +156,12 @@ mkdir -p "$folder"
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | drake | rbdl) "build_$peer" || code=1 ;;
+        pinocchio | mujoco | drake | rbdl | casadi_code) "build_$peer" || code=1 ;;
         simbody) build_simbody simbody motion_simbody || code=1 ;;
-        *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl" || code=1 ;;
+        *)
+            missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl, casadi_code"
+            code=1
+            ;;
     esac
 done
 exit $code
