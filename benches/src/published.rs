@@ -99,7 +99,7 @@ pub fn run() -> Outcome {
             "error: largest relative one of the seven angles from the published ones; our \
              reference: DOP853 at 1e-13;"
                 .to_owned(),
-            "ms: processor time of a run with its set-up;".to_owned(),
+            "ms: processor time of a whole run;".to_owned(),
             format!(
                 "our reference is {} from the published angles",
                 error(relative(&reference, &PUBLISHED))
