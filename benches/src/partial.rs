@@ -452,3 +452,24 @@ fn in_full(found: &[Found]) -> Table {
         ],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::pairs;
+
+    #[test]
+    fn a_part_has_the_numbers_of_the_whole_by_fewer_operations() {
+        for (robot, count) in [("rh5v2_upper_body", 6), ("wheel_leg", 6), ("stewart", 3)] {
+            let mut pairs = pairs(robot).unwrap();
+            assert_eq!(pairs.len(), count, "{robot}");
+            for pair in &mut pairs {
+                let apart = pair.difference().unwrap();
+                assert!(apart < 1e-14, "{robot}, {}: {apart:e}", pair.words);
+                let [part, whole] = &pair.both;
+                // the motors of a platform are one block
+                let is_whole = robot == "stewart" && pair.part == 1;
+                assert_eq!(part.operations() < whole.operations(), !is_whole, "{}", pair.words);
+            }
+        }
+    }
+}
