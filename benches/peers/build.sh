@@ -1,14 +1,23 @@
 #!/bin/sh
 # Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh [NAME…]
-# writes target/peers/pinocchio, mujoco, simbody and drake; without names all that this machine can
-# build. Each that cannot be built is named with what it lacks; the exit code is then 1.
-# Needed: python3 with venv and the network for the wheels of all but Simbody, clang++ and Eigen for
-# Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for Simbody.
+# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, drake and rbdl; without names
+# all that this machine can build. Each that cannot be built is named with what it lacks; the exit
+# code is then 1.
+# Needed: python3 with venv and the network for the wheels of Pinocchio, MuJoCo and Drake, clang++
+# and Eigen for Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for
+# Simbody. RBDL has no package: its sources are cloned, or RBDL_SOURCE=FOLDER has them; it needs a
+# C++ compiler and Eigen. casadi_code, which `casadi_code.py` uses, is built where it is named.
 set -u
 cd "$(dirname "$0")/../.."
 pinocchio=4.1.0
 mujoco=4.0.0
 drake=1.51.1
+rbdl=3.3.1
+casadi=3.8.2
+# what Pinocchio's variants of joints need of Boost
+pinocchio_limits="-DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30
+    -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS -DBOOST_FUSION_INVOKE_MAX_ARITY=12
+    -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS"
 folder=${CARGO_TARGET_DIR:-target}/peers
 
 missing() {
@@ -32,7 +41,7 @@ compile() {
     name=$1
     compiler=$2
     shift 2
-    "$compiler" -std=c++17 -O3 -DNDEBUG -w "benches/peers/$name.cpp" \
+    "$compiler" -std=c++17 -O3 -w "benches/peers/$name.cpp" \
         -o "$folder/$name.$$" "$@" || missing "$name does not compile" || return
     mv "$folder/$name.$$" "$folder/$name"
     echo "$folder/$name"
@@ -47,26 +56,26 @@ clang() {
     return 1
 }
 
+# the folder of Eigen's headers
+eigen() {
+    for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
+        [ ! -f "$place/Eigen/Dense" ] || { echo "$place"; return; }
+    done
+    missing "Eigen is missing (apt install libeigen3-dev, or EIGEN_INCLUDE=FOLDER)"
+}
+
 build_pinocchio() {
     compiler=$(clang) ||
         missing "clang++ is missing (apt install clang-16, or name a compiler: CXX=…)" || return
     "$compiler" --version 2>/dev/null | grep -q clang || missing "$compiler is no clang++" || return
-    eigen=
-    for place in ${EIGEN_INCLUDE:-} /usr/include/eigen3 /usr/local/include/eigen3; do
-        [ -n "$eigen" ] || [ ! -f "$place/Eigen/Dense" ] || eigen=$place
-    done
-    [ -n "$eigen" ] ||
-        missing "Eigen is missing (apt install libeigen3-dev, or EIGEN_INCLUDE=FOLDER)" || return
+    eigen=$(eigen) || return
     # headers from the wheel; its shared libraries are not used, they disagree with -march=native
     # about alignment
     prefix=$(packages pin "$pinocchio")/cmeel.prefix || return
     [ -d "$prefix/include/pinocchio" ] || missing "the wheel has no headers in $prefix" || return
     echo "compiling with $compiler, about two minutes"
-    compile pinocchio "$compiler" -march=native \
-        -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 \
-        -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
-        -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -DPINOCCHIO_DO_NOT_USE_UNSUPPORTED_WARNINGS \
-        -isystem "$prefix/include" -isystem "$eigen" \
+    compile pinocchio "$compiler" -march=native -DNDEBUG \
+        $pinocchio_limits -isystem "$prefix/include" -isystem "$eigen" \
         -L"$prefix/lib" -lboost_serialization -Wl,-rpath,"$prefix/lib"
 }
 
@@ -76,17 +85,20 @@ build_mujoco() {
     place=$(packages mujoco "$mujoco")/mujoco || return
     library=$(ls "$place"/libmujoco.so.* 2>/dev/null | head -n 1)
     [ -n "$library" ] || missing "the wheel has no library in $place" || return
-    compile mujoco "$compiler" -isystem "$place/include" "$library" -Wl,-rpath,"$place"
+    compile mujoco "$compiler" -DNDEBUG -isystem "$place/include" "$library" -Wl,-rpath,"$place"
 }
 
+# with the names of its programs
 build_simbody() {
     compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
         return
     [ -d /usr/include/simbody ] ||
         missing "Simbody is missing (apt install libsimbody-dev)" || return
-    # its library and -march=native disagree about types that both hold
-    compile simbody "$compiler" -isystem /usr/include/simbody \
-        -lSimTKsimbody -lSimTKmath -lSimTKcommon
+    # its library disagrees with -march=native and -DNDEBUG about types that both hold
+    for name in "$@"; do
+        compile "$name" "$compiler" -isystem /usr/include/simbody \
+            -lSimTKsimbody -lSimTKmath -lSimTKcommon || return
+    done
 }
 
 build_drake() {
@@ -100,13 +112,56 @@ build_drake() {
     echo "$folder/drake"
 }
 
+# writes CasADi's C of Pinocchio's algorithms for casadi_code.py; it is no peer by itself
+build_casadi_code() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    eigen=$(eigen) || return
+    place=$(packages pin "$pinocchio") || return
+    packages casadi "$casadi" >/dev/null || return
+    echo "compiling with $compiler, about two minutes"
+    # it writes code and is not timed itself
+    compile casadi_code "$compiler" -O0 $pinocchio_limits \
+        -isystem "$place/cmeel.prefix/include" -isystem "$eigen" \
+        -isystem "$place/casadi/include" -L"$place/casadi" -lcasadi \
+        -L"$place/cmeel.prefix/lib" -lboost_serialization \
+        -Wl,-rpath,"$place/casadi" -Wl,-rpath,"$place/cmeel.prefix/lib"
+}
+
+build_rbdl() {
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    eigen=$(eigen) || return
+    source=${RBDL_SOURCE:-$folder/rbdl-$rbdl}
+    if [ ! -d "$source" ]; then
+        command -v git >/dev/null || missing "git is missing (apt install git)" || return
+        git clone --quiet --depth 1 --branch "v$rbdl" https://github.com/rbdl/rbdl "$source" ||
+            missing "git cannot clone RBDL $rbdl (or RBDL_SOURCE=FOLDER)" || return
+    fi
+    # what its cmake would write: the version, a static library, nothing optional
+    config=$folder/rbdl-config/rbdl
+    mkdir -p "$config"
+    sed -e "s/@RBDL_VERSION_MAJOR@/${rbdl%%.*}/" -e "s/@RBDL_VERSION_PATCH@/${rbdl##*.}/" \
+        -e "s/@RBDL_VERSION_MINOR@/$(echo "$rbdl" | cut -d. -f2)/" \
+        -e 's/^#cmakedefine RBDL_BUILD_STATIC.*/#define RBDL_BUILD_STATIC/' \
+        -e '/^#cmakedefine/d' "$source/include/rbdl/rbdl_config.h.cmake" >"$config/rbdl_config.h"
+    echo "compiling with $compiler, about two minutes"
+    compile rbdl "$compiler" -march=native -DNDEBUG -isystem "$source/include" \
+        -isystem "$folder/rbdl-config" -isystem "$eigen" \
+        $(ls "$source"/src/*.cc | grep -v rbdl_version)
+}
+
 mkdir -p "$folder"
-[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake
+[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake rbdl
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | simbody | drake) "build_$peer" || code=1 ;;
-        *) missing "$peer is no peer: pinocchio, mujoco, simbody, drake" || code=1 ;;
+        pinocchio | mujoco | drake | rbdl | casadi_code) "build_$peer" || code=1 ;;
+        simbody) build_simbody simbody motion_simbody || code=1 ;;
+        *)
+            missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl, casadi_code"
+            code=1
+            ;;
     esac
 done
 exit $code

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use sarrus_dynamics::{Answer, Batch, Model, Plan, Status, Warnings, Workspace};
 use sarrus_report::Outcome;
+use sarrus_report::measure::timing::Timed;
 use sarrus_report::robots::{Question, Robot, Subject, packed};
 
 use crate::table::{Table, ns};
@@ -37,18 +38,27 @@ impl Many {
     pub(crate) fn new(robot: &Robot, question: Question, states: usize) -> Outcome<Many> {
         let model = Arc::new(robot.variants[0].compiled.model.clone());
         let plan = Plan::new(&model, &question.query())?;
-        let some = robot.states.iter().cycle().take(states);
-        let input = some.flat_map(|state| packed(&plan, state, 0)).collect();
+        let some: Vec<_> = robot.states.iter().map(|state| packed(&plan, state, 0)).collect();
+        Ok(Many::of(&model, plan, some.iter().cycle().take(states)))
+    }
+
+    /// A plan on these inputs.
+    pub(crate) fn of<'a>(
+        model: &Arc<Model<f64>>,
+        plan: Plan,
+        inputs: impl Iterator<Item = &'a Vec<f64>>,
+    ) -> Many {
+        let inputs: Vec<_> = inputs.collect();
         let unknown = Answer { status: Status::UnknownRequest, warnings: Warnings::NONE };
-        Ok(Many {
-            workspace: Workspace::for_plans(&model, [&plan]),
-            batch: Batch::new(&model, &plan),
-            input,
-            output: vec![0.0; states * plan.want().len()],
-            answers: vec![unknown; states],
-            model,
+        Many {
+            workspace: Workspace::for_plans(model, [&plan]),
+            batch: Batch::new(model, &plan),
+            output: vec![0.0; inputs.len() * plan.want().len()],
+            answers: vec![unknown; inputs.len()],
+            input: inputs.into_iter().flatten().copied().collect(),
+            model: Arc::clone(model),
             plan,
-        })
+        }
     }
 
     /// One state after the other.
@@ -78,6 +88,22 @@ impl Many {
             None => Ok(()),
             Some(answer) => Err(format!("{}: {}", self.model.name(), answer.status).into()),
         }
+    }
+}
+
+/// A batch is one state: a call answers all of its rows.
+impl Timed for Many {
+    fn name(&self) -> String {
+        format!("a batch of {}", self.model.name())
+    }
+
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn call(&mut self, _state: usize) -> Status {
+        self.abreast();
+        if self.check().is_ok() { Status::Ok } else { Status::UnknownRequest }
     }
 }
 

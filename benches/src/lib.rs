@@ -7,6 +7,8 @@
 //! - Forward dynamics by each method beside the predictions of the cost model (`forward.rs`).
 //! - Requests in task space (`tasks.rs`).
 //! - Cost against size, with exponents (`scaling.rs`).
+//! - Parts of questions as fractions of the whole (`partial.rs`).
+//! - Digits against processor time of a published motion (`published.rs`).
 //! - Many states at once, compared with one by one (`batches.rs`).
 //! - Instructions of one case (`count.rs`, `benches/count.sh`), among them those of the bridge
 //!   between commands and motors (`bridge.rs`).
@@ -30,7 +32,9 @@ mod count;
 mod errors;
 mod forward;
 mod in_process;
+mod partial;
 pub mod printed;
+mod published;
 mod scaling;
 pub mod table;
 mod tasks;
@@ -39,5 +43,7 @@ pub use self::batches::run as batches;
 pub use self::count::run as count;
 pub use self::forward::run as forward;
 pub use self::in_process::{Options, run as in_process};
+pub use self::partial::{PartialOptions, run as partial};
+pub use self::published::run as published;
 pub use self::scaling::{ScalingOptions, run as scaling};
 pub use self::tasks::run as tasks;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use sarrus_benches::{Options, ScalingOptions, table::Format};
+use sarrus_benches::{Options, PartialOptions, ScalingOptions, table::Format};
 
 /// Times of sarrus beside their errors.
 #[derive(Parser)]
@@ -37,6 +37,13 @@ struct Flags {
     /// Searches and steps in task space, and end.
     #[arg(long)]
     tasks: bool,
+    /// Work and time of partial questions as fractions of the whole, of the robots whose name has
+    /// `--only` in it, and end.
+    #[arg(long)]
+    partial: bool,
+    /// Digits against processor time of Andrews' squeezer, and end.
+    #[arg(long)]
+    published: bool,
     /// Cost against bodies, loops, joints of a loop, rows of a block and states of a batch, and
     /// end.
     #[arg(long)]
@@ -52,6 +59,10 @@ fn main() -> ExitCode {
         Flags { batches: true, only, .. } => sarrus_benches::batches(&only),
         Flags { forward: true, .. } => sarrus_benches::forward(),
         Flags { tasks: true, .. } => sarrus_benches::tasks(),
+        Flags { published: true, .. } => sarrus_benches::published(),
+        Flags { partial: true, quick, only, format, out, .. } => {
+            sarrus_benches::partial(&PartialOptions { quick, only, format, out })
+        }
         Flags { scaling: true, quick, instructions, format, out, .. } => {
             sarrus_benches::scaling(&ScalingOptions { quick, instructions, format, out })
         }

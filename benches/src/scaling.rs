@@ -12,10 +12,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::cores::Cores;
-use sarrus_dynamics::Status;
 use sarrus_report::Outcome;
 use sarrus_report::measure::machine::machine;
-use sarrus_report::measure::timing::{self, Samples, Timed};
+use sarrus_report::measure::timing::{self, Samples};
 use sarrus_report::robots::{Question, Robot, Subject};
 use serde_json::{Value, json};
 
@@ -151,31 +150,13 @@ impl Family {
     }
 }
 
-/// A batch of some rows as one call.
-struct Rows(Many);
-
-impl Timed for Rows {
-    fn name(&self) -> String {
-        "a batch".to_owned()
-    }
-
-    fn states(&self) -> usize {
-        1
-    }
-
-    fn call(&mut self, _state: usize) -> Status {
-        self.0.abreast();
-        if self.0.check().is_ok() { Status::Ok } else { Status::UnknownRequest }
-    }
-}
-
 fn batches(name: &'static str, rounds: Duration, kept: &mut Vec<Samples>) -> Outcome<Vec<Point>> {
     let robot = Robot::load_some(Subject::Bundled(name), 64, |closures| closures == "analytic")?;
     let mut points = Vec::new();
     let mut calls = Vec::new();
     for size in ROWS {
         for question in Question::CHOSEN {
-            calls.push(Rows(Many::new(&robot, question, size)?));
+            calls.push(Many::new(&robot, question, size)?);
             points.push(Point::new(size, question));
         }
     }

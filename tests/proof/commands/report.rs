@@ -67,7 +67,7 @@ fn a_report_of_one_robot_has_the_sections_on_robots() {
 fn an_engine_that_is_not_built_is_not_run_and_an_unknown_one_is_an_error() {
     let unknown = run(&["compare", "--robot", "lambda", "--with", "ode"], b"");
     assert!(unknown.code == Some(2) && unknown.err.contains("mujoco"), "{unknown:?}");
-    for engine in ["pinocchio", "mujoco", "simbody", "drake"] {
+    for engine in ["pinocchio", "mujoco", "simbody", "drake", "rbdl"] {
         let found =
             run(&["compare", "--robot", "lambda", "--with", engine, "--format", "json"], b"");
         assert_eq!(found.code, Some(0), "{found:?}");

@@ -3,16 +3,17 @@
 use super::figure::{Figure, Point, Series};
 use super::section::Section;
 
-/// The other engines, with the names of their programs. Their series begin with their names.
-pub(crate) const PEERS: [(&str, &str); 4] =
-    [("Pinocchio", "pinocchio"), ("MuJoCo", "mujoco"), ("Simbody", "simbody"), ("Drake", "drake")];
+/// The other engines. Their series begin with these names.
+pub(crate) const PEERS: [&str; 5] = ["Pinocchio", "MuJoCo", "Simbody", "Drake", "RBDL"];
+/// The names of their programs.
+pub(crate) const PROGRAMS: [&str; 5] = ["pinocchio", "mujoco", "simbody", "drake", "rbdl"];
 
 /// Errors up to this are rounding and count as equal in comparisons with a peer.
 pub(super) const ROUNDING: f64 = 1e-14;
 
 /// True for the series of another engine.
 fn is_peer(name: &str) -> bool {
-    PEERS.iter().any(|(peer, _)| name.starts_with(peer))
+    PEERS.iter().any(|peer| name.starts_with(peer))
 }
 
 /// Every point of a figure that competes, with its series.

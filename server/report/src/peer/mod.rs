@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use crate::Outcome;
-use crate::page::{PEERS, Point, Series};
+use crate::page::{PEERS, PROGRAMS, Point, Series};
 use crate::reference::worse;
 use crate::robots::{Question, Robot};
 
@@ -85,7 +85,7 @@ pub fn peers(robot: &Robot, place: usize, seconds: f64) -> Outcome<(Vec<Run>, Ve
 
 /// The names that [`peer`] takes, those of the programs.
 pub fn engines() -> impl Iterator<Item = &'static str> {
-    PEERS.into_iter().map(|(_, program)| program)
+    PROGRAMS.into_iter()
 }
 
 /// One peer's answers, as [`peers`].
@@ -94,7 +94,7 @@ pub fn engines() -> impl Iterator<Item = &'static str> {
 ///
 /// As [`peers`].
 pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<Peer> {
-    let known = PEERS.into_iter().find(|(_, program)| *program == engine);
+    let known = PEERS.into_iter().zip(PROGRAMS).find(|(_, program)| *program == engine);
     let (engine, word) = known.ok_or_else(|| format!("{engine} is no known engine"))?;
     let missing = |why: String| Ok(Peer::Missing(format!("{engine}: not run{why}")));
     let name = &robot.description.name;
