@@ -78,7 +78,6 @@ fn solve_above<T: Real>(
         (2, 1) => solve_of(&mut A[..4], &mut B[..2], 2, 1, limits),
         (3, 1) => solve_of(&mut A[..9], &mut B[..3], 3, 1, limits),
         (6, 1) => solve_of(&mut A[..36], &mut B[..6], 6, 1, limits),
-        (6, 6) => solve_of(&mut A[..36], &mut B[..36], 6, 6, limits),
         _ => solve_of(A, B, m, n, limits),
     }
 }

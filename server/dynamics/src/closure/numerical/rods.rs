@@ -17,16 +17,18 @@ use crate::closure::constraint::rows::place;
 use crate::closure::numerical::inverse::{accurate, inverse_square_sines};
 use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
 use crate::closure::{Level, Local, MOST, Rate, Scratch, Twist, Universal, Validity};
-use crate::linalg::solve_pivoted;
+use crate::linalg::{column_square, eliminate, substitute_back};
 use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
 use crate::spatial::{Matrix, Pose, zero};
 
-/// Steps from a seed; the first takes an inverse of its own, the second after a first above
-/// ε^(1/4).
-pub(super) const STEPS: usize = 3;
+/// Steps from a seed, each by an elimination of its own; the second's inverse serves the rates too.
+pub(super) const STEPS: usize = 2;
 /// Roundings below which the last step may stay.
 const ROUNDINGS: f64 = 64.0;
+/// Least pivot against the size of its column: a smaller one costs more digits than one step of
+/// refinement returns, half of all.
+const PIVOT: f64 = 1e-7;
 
 /// A mechanism whose rows are those of such rods.
 #[derive(Clone, Debug)]
@@ -153,11 +155,10 @@ impl<T: Real> Rods<T> {
         level: Level,
     ) -> Validity<T> {
         self.place_all(cluster, bodies, local);
-        let (mut good, mut gain) = self.newton::<M>(cluster, bodies, local);
+        let (mut good, gain) = self.newton::<M>(cluster, bodies, local);
         if level > Level::Position {
-            let (sound, at_pose) = self.jacobian::<M>(cluster, local, level);
-            good &= sound;
-            gain = at_pose;
+            good &= level < Level::Acceleration || accurate(T::ONE, gain);
+            self.jacobian::<M>(cluster, local, level);
         }
         if level >= Level::Acceleration {
             self.bias::<M>(cluster, bodies, local);
@@ -186,11 +187,6 @@ impl<T: Real> Rods<T> {
         turn(&self.given, local.q, local.cos_sin);
         local.scratch.pose[0] = Pose::identity();
         place_some(&self.before, cluster, bodies, local);
-        self.place_moving(cluster, bodies, local);
-    }
-
-    #[inline(always)]
-    fn place_moving(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
         turn(&self.turned, local.q, local.cos_sin);
         place_some(&self.moving, cluster, bodies, local);
     }
@@ -211,8 +207,8 @@ impl<T: Real> Rods<T> {
         if M == 0 { self.unknowns.len() } else { M }
     }
 
-    /// The unknowns, and the poses where these are; whether the steps pass the
-    /// rule of [`super::newton`], and 1/sin² of the angle that vanishes at a singular pose.
+    /// The unknowns, and the poses where these are; whether the steps pass the rule of
+    /// [`super::newton`], and 1/sin² of the angle that vanishes at a singular pose.
     #[inline(always)]
     fn newton<const M: usize>(
         &self,
@@ -222,43 +218,54 @@ impl<T: Real> Rods<T> {
     ) -> (bool, T) {
         let m = self.width::<M>();
         let unit = T::from_f64(1.0 / cluster.length);
-        let chord = T::from_f64(T::EPSILON.sqrt().sqrt());
-        let mut good = true;
-        let mut gain = T::ONE;
+        let (mut good, mut gain) = (true, T::ONE);
         let mut sizes = [T::ZERO; STEPS];
-        for k in 0..STEPS {
-            let fresh = k == 0 || k == 1 && !sizes[0].lt(chord);
-            if fresh {
-                let scratch = &mut *local.scratch;
-                self.matrix::<M>(&scratch.pose, &scratch.screw, &mut scratch.A, |_, _, _| ());
-                let (sound, at_pose) = self.invert::<M>(local);
-                good &= sound;
-                gain = at_pose;
-            }
+        for (k, size) in sizes.iter_mut().enumerate() {
             // Δ = A⁻¹ φ, q ← q − Δ
-            let scratch = &mut *local.scratch;
-            for (i, rod) in self.rods[..m].iter().enumerate() {
-                scratch.phi[i] = rod.residual(&rod.at(&scratch.pose));
+            let is_last = k + 1 == STEPS;
+            let Scratch { pose, screw, A, inverse, phi, step, .. } = &mut *local.scratch;
+            for (phi, rod) in phi.iter_mut().zip(&self.rods) {
+                *phi = rod.residual(&rod.at(pose));
             }
-            for (i, dof) in self.unknowns[..m].iter().enumerate() {
-                let row = &scratch.inverse[i * m..(i + 1) * m];
-                let step = (row.iter().zip(&scratch.phi[..m]))
-                    .fold(T::ZERO, |sum, (x, phi)| x.mul_add(*phi, sum));
-                dof.advance(local.q, -step);
-                let size = if dof.slides() { step.abs() * unit } else { step.abs() };
-                sizes[k] = sizes[k].larger(size);
+            if is_last {
+                self.matrix::<M>(pose, screw, inverse, |_, _, _| ());
+                (good, gain) = self.invert::<M>(&mut inverse[..m * m], step);
+                (0..m).for_each(|i| step[i] = times(inverse, m, i, phi, T::ZERO));
+            } else {
+                self.matrix::<M>(pose, screw, A, |_, _, _| ());
+                step[..m].copy_from_slice(&phi[..m]);
+                (0..m).for_each(|k| eliminate(&mut A[..m * m], &mut step[..m], m, 1, k));
+                substitute_back(&A[..m * m], &mut step[..m], m, 1);
             }
-            self.place_moving(cluster, bodies, local);
+            for (dof, step) in self.unknowns[..m].iter().zip(&local.scratch.step) {
+                dof.advance(local.q, -*step);
+                *size = size.larger(if dof.slides() { step.abs() * unit } else { step.abs() });
+            }
+            if is_last {
+                self.turn_little(local);
+            } else {
+                turn(&self.turned, local.q, local.cos_sin);
+            }
+            place_some(&self.moving, cluster, bodies, local);
         }
-        let [first, second, last] = sizes;
-        let rounding = T::from_f64(ROUNDINGS * T::EPSILON);
-        let least = rounding * rounding * gain;
-        let left = (T::from_f64(T::EPSILON / 16.0) * second).larger(least);
-        good &= first.lt(T::from_f64(TRUST));
-        good &= (first * first * gain).lt(T::from_f64(CAUTION * CAUTION));
-        good &= second.lt((first * T::from_f64(CONTRACTION)).larger(rounding));
-        good &= (last * last * T::from_f64(2.0)).lt(left);
-        (good, gain)
+        (good & accepts(sizes, gain), gain)
+    }
+
+    /// PRECISION: cosines and sines of the unknowns after the last step up to its square, as its
+    /// cube is below the roundoff.
+    #[inline(always)]
+    fn turn_little(&self, local: &mut Local<'_, T>) {
+        let half = T::from_f64(0.5);
+        for (dof, step) in self.unknowns.iter().zip(&local.scratch.step) {
+            if dof.motion == Motion::Revolute {
+                let (c, s) = local.cos_sin[dof.body];
+                let square = *step * *step * half;
+                local.cos_sin[dof.body] = (
+                    (-square).mul_add(c, s.mul_add(*step, c)),
+                    (-square).mul_add(s, (-c).mul_add(*step, s)),
+                );
+            }
+        }
     }
 
     /// ∂φ/∂q of the unknowns, row by row; calls `independent(row, place in y, entry)` for the
@@ -289,64 +296,78 @@ impl<T: Real> Rods<T> {
         }
     }
 
-    /// Inverse of the A in the scratch; whether it is regular and has the sign of the zero pose,
-    /// and 1/sin² of the least angle between a column and the span of the others.
+    /// The inverse of A in its place, by elimination in the order of the pivots at zero; whether no
+    /// pivot was small and the determinant has the sign of the zero pose, and 1/sin² of the least
+    /// angle between a column and the span of the others.
     #[inline(always)]
-    fn invert<const M: usize>(&self, local: &mut Local<'_, T>) -> (bool, T) {
+    fn invert<const M: usize>(&self, A: &mut [T], squares: &mut [T]) -> (bool, T) {
         let m = self.width::<M>();
-        let scratch = &mut *local.scratch;
-        let A = &mut scratch.A[..m * m];
-        let inverse = &mut scratch.inverse[..m * m];
-        let squares = &mut scratch.step[..m];
-        squares.fill(T::ZERO);
-        for row in A.chunks_exact(m) {
-            squares.iter_mut().zip(row).for_each(|(x, a)| *x = a.mul_add(*a, *x));
+        (0..m).for_each(|k| squares[k] = column_square(A, m, m, k));
+        let mut sound = true;
+        let mut det = T::from_f64(self.sign);
+        for k in 0..m {
+            let pivot = A[k * m + k];
+            sound &= T::from_f64(PIVOT * PIVOT * self.sizes[k]).lt(pivot * pivot);
+            det *= pivot;
+            let inverse = T::ONE / pivot;
+            A[k * m + k] = T::ONE;
+            (0..m).for_each(|j| A[k * m + j] *= inverse);
+            for i in (0..m).filter(|i| *i != k) {
+                let l = -A[i * m + k];
+                A[i * m + k] = T::ZERO;
+                for j in 0..m {
+                    A[i * m + j] = l.mul_add(A[k * m + j], A[i * m + j]);
+                }
+            }
         }
-        for (k, x) in inverse.iter_mut().enumerate() {
-            *x = if k / m == k % m { T::ONE } else { T::ZERO };
-        }
-        // PRECISION: at the limits of the reach other pivots are large than at zero
-        let sign = solve_pivoted(A, inverse, m, m);
-        let same = sign.is_some_and(|sign| T::ZERO.lt(sign * T::from_f64(self.sign)));
-        let [_, gain] = inverse_square_sines(inverse, squares, &self.sizes, m);
-        (same, gain)
+        let [_, gain] = inverse_square_sines(A, squares, &self.sizes, m);
+        (sound & T::ZERO.lt(det), gain)
     }
 
-    /// G of the unknowns, and their rates; whether they mean something, and the gain.
+    /// −A⁻¹ φ of the scratch, into its steps. PRECISION: one step of refinement squares the
+    /// distance of the inverse, which is that before the last step and of an elimination without
+    /// exchanges.
+    #[inline(always)]
+    fn solve<const M: usize>(&self, scratch: &mut Scratch<T>) {
+        let m = self.width::<M>();
+        let Scratch { A, inverse, phi, step, .. } = scratch;
+        let (phi, step) = (&mut phi[..m], &mut step[..m]);
+        (0..m).for_each(|i| step[i] = -times(inverse, m, i, phi, T::ZERO));
+        (0..m).for_each(|i| phi[i] = times(A, m, i, step, phi[i]));
+        (0..m).for_each(|i| step[i] -= times(inverse, m, i, phi, T::ZERO));
+    }
+
+    /// G of the unknowns, and their rates.
     #[inline(always)]
     fn jacobian<const M: usize>(
         &self,
         cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> (bool, T) {
+    ) {
         let m = self.width::<M>();
         let n = cluster.n_vy;
-        let scratch = &mut *local.scratch;
-        let B = &mut scratch.B[..m * n];
-        B.fill(T::ZERO);
-        let screw = &scratch.screw;
-        self.matrix::<M>(&scratch.pose, screw, &mut scratch.A, |i, k, x| B[i * n + k] = x);
-        let (sound, gain) = self.invert::<M>(local);
+        let Scratch { pose, screw, A, B, .. } = &mut *local.scratch;
+        B[..m * n].fill(T::ZERO);
+        self.matrix::<M>(pose, screw, A, |i, k, x| B[i * n + k] = x);
         for (k, &j) in cluster.independent.iter().enumerate() {
             local.G[j * n..(j + 1) * n].fill(T::ZERO);
             local.G[j * n + k] = T::ONE;
             local.g[j] = T::ZERO;
-        }
-        let scratch = &*local.scratch;
-        for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            let of_unknown = &scratch.inverse[i * m..(i + 1) * m];
-            let row = &mut local.G[dof.v * n..(dof.v + 1) * n];
-            for (k, x) in row.iter_mut().enumerate() {
-                *x = -(0..m)
-                    .fold(T::ZERO, |sum, r| of_unknown[r].mul_add(scratch.B[r * n + k], sum));
-            }
-            if level >= Level::Velocity {
-                let rates = row.iter().zip(&cluster.independent);
-                local.qd[dof.v] = rates.fold(T::ZERO, |sum, (x, i)| x.mul_add(local.qd[*i], sum));
+            let scratch = &mut *local.scratch;
+            (0..m).for_each(|i| scratch.phi[i] = scratch.B[i * n + k]);
+            self.solve::<M>(scratch);
+            for (dof, x) in self.unknowns[..m].iter().zip(&scratch.step) {
+                local.G[dof.v * n + k] = *x;
             }
         }
-        (sound & (level < Level::Acceleration || accurate(T::ONE, gain)), gain)
+        if level < Level::Velocity {
+            return;
+        }
+        for dof in &self.unknowns[..m] {
+            let rates = local.G[dof.v * n..(dof.v + 1) * n].iter().zip(&cluster.independent);
+            local.qd[dof.v] = rates.fold(T::ZERO, |sum, (x, i)| x.mul_add(local.qd[*i], sum));
+        }
     }
 
     /// g of the unknowns.
@@ -366,12 +387,11 @@ impl<T: Real> Rods<T> {
         for (i, rod) in self.rods[..m].iter().enumerate() {
             let at = rod.at(&scratch.pose);
             let [v, a] = rod.moved(&at, &scratch.pose, &scratch.rate);
-            scratch.phi[i] = -((at.d.dot(a) + v.dot(v)) * rod.inverse_length);
+            scratch.phi[i] = (at.d.dot(a) + v.dot(v)) * rod.inverse_length;
         }
-        for (i, dof) in self.unknowns[..m].iter().enumerate() {
-            let row = &scratch.inverse[i * m..(i + 1) * m];
-            local.g[dof.v] = (row.iter().zip(&scratch.phi[..m]))
-                .fold(T::ZERO, |sum, (x, phi)| x.mul_add(*phi, sum));
+        self.solve::<M>(scratch);
+        for (dof, x) in self.unknowns[..m].iter().zip(&scratch.step) {
+            local.g[dof.v] = *x;
         }
     }
 
@@ -394,6 +414,32 @@ impl<T: Real> Rods<T> {
             twist[j + 1] = own;
         }
     }
+}
+
+/// Row i of a square matrix times x, plus a number.
+#[inline(always)]
+fn times<T: Real>(matrix: &[T], m: usize, i: usize, x: &[T], start: T) -> T {
+    let mut sum = start;
+    for (a, x) in matrix[i * m..(i + 1) * m].iter().zip(x) {
+        sum = a.mul_add(*x, sum);
+    }
+    sum
+}
+
+/// The rule of [`super::newton`] for steps of these sizes; besides, the error after the last,
+/// s_1³ / s_0², is below a sixteenth of the roundoff or the step itself roundoff, and an inverse
+/// before it is half as accurate as one after it, at least.
+#[inline(always)]
+fn accepts<T: Real>([first, last]: [T; STEPS], gain: T) -> bool {
+    let rounding = T::from_f64(ROUNDINGS * T::EPSILON);
+    let sixteenth = T::from_f64(T::EPSILON / 16.0);
+    let left = (first * first * sixteenth).larger(rounding * rounding * rounding);
+    first.lt(T::from_f64(TRUST))
+        & (first * first * gain).lt(T::from_f64(CAUTION * CAUTION))
+        & last.lt((first * T::from_f64(CONTRACTION)).larger(rounding))
+        & last.lt(T::from_f64(T::EPSILON.cbrt()))
+        & (last * last * gain).lt(T::from_f64(T::EPSILON))
+        & (last * last * last).lt(left)
 }
 
 /// Poses and screws of these joints' bodies.
