@@ -220,9 +220,10 @@
 //! ```text
 //!   φ = ½ (|d|² − ℓ²) / ℓ,    φ̇ = d · ḋ / ℓ,    φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
 //! ```
-//! Three steps of Newton's method from the table solve these rows, by the rule of acceptance of all
-//! of them; n and m follow as those of a rod of 2SURRPR+1U. Singular where the rows are, and where
-//! z = 0, the rod along the first axis of its universal joint; the declared rows are so too.
+//! Two steps of Newton's method from the table solve these rows, by the rule of acceptance of all of
+//! them; the inverse of the second, with one step of refinement, serves G and g. n and m follow as
+//! those of a rod of 2SURRPR+1U. Singular where the rows are, and where z = 0, the rod along the
+//! first axis of its universal joint; the declared rows are so too.
 //!
 //! These forms answer a request without a guess at a pose to which the straight path from the zero
 //! pose is known to be regular: loading has compared them with Newton's method at every node of a

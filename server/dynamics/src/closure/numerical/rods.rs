@@ -218,7 +218,8 @@ impl<T: Real> Rods<T> {
     ) -> (bool, T) {
         let m = self.width::<M>();
         let unit = T::from_f64(1.0 / cluster.length);
-        let (mut good, mut gain) = (true, T::ONE);
+        let mut good = true;
+        let mut gain = T::ONE;
         let mut sizes = [T::ZERO; STEPS];
         for (k, size) in sizes.iter_mut().enumerate() {
             // Δ = A⁻¹ φ, q ← q − Δ
@@ -331,7 +332,8 @@ impl<T: Real> Rods<T> {
     fn solve<const M: usize>(&self, scratch: &mut Scratch<T>) {
         let m = self.width::<M>();
         let Scratch { A, inverse, phi, step, .. } = scratch;
-        let (phi, step) = (&mut phi[..m], &mut step[..m]);
+        let phi = &mut phi[..m];
+        let step = &mut step[..m];
         (0..m).for_each(|i| step[i] = -times(inverse, m, i, phi, T::ZERO));
         (0..m).for_each(|i| phi[i] = times(A, m, i, step, phi[i]));
         (0..m).for_each(|i| step[i] -= times(inverse, m, i, phi, T::ZERO));
