@@ -87,6 +87,7 @@ mod report;
 mod rewrite;
 mod rotation;
 mod scene;
+mod sdf;
 mod smurf;
 mod source;
 mod submechanisms;

@@ -12,7 +12,7 @@ use crate::open::{Opened, open_contents};
 use crate::report::Diagnostics;
 use crate::rewrite::{NewZero, Rewritten};
 use crate::suggest::{Suggestion, suggest_for};
-use crate::{bundled, import, mjcf, smurf, text};
+use crate::{bundled, import, smurf, text};
 
 /// The source of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,16 +21,16 @@ pub enum Source {
     /// One of [`crate::bundled`], by name.
     Bundled(String),
     /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
-    /// moving joint is independent and active. A file of MJCF has both, and is converted.
+    /// moving joint is independent and active. A file of MJCF or SDF has both, and is converted.
     Files {
-        /// URDF, SMURF or MJCF.
+        /// URDF, SMURF, MJCF or SDF.
         urdf: PathBuf,
         /// Submechanism YAML.
         submechanisms: Option<PathBuf>,
     },
     /// The contents of files.
     Text {
-        /// URDF or MJCF.
+        /// URDF, MJCF or SDF.
         urdf: Vec<u8>,
         /// Submechanism YAML.
         submechanisms: Option<Vec<u8>>,
@@ -156,7 +156,7 @@ pub(crate) fn contents(
             let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
             let read = text::read(urdf)?;
-            if mjcf::is_mjcf(&read.1) {
+            if import::converter(&read.1).is_some() {
                 return Ok(import::contents(Some(urdf), read, submechanisms, diagnostics));
             }
             Ok(Some(Contents { urdf: read, submechanisms, folder }))
@@ -165,7 +165,7 @@ pub(crate) fn contents(
             let read = ("robot.urdf".to_owned(), urdf.clone());
             let submechanisms =
                 submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes));
-            if mjcf::is_mjcf(urdf) {
+            if import::converter(urdf).is_some() {
                 return Ok(import::contents(None, read, submechanisms, diagnostics));
             }
             Ok(Some(Contents { urdf: read, submechanisms, folder: None }))

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use sarrus_dynamics::Site;
-use sarrus_dynamics::description::{Joint, JointKind, Loop};
+use sarrus_dynamics::description::{Description, Joint, JointKind, Loop};
 
 use super::cuts::{Kind, held};
 use super::urdf::escaped;
@@ -25,6 +25,25 @@ const HEAD: &str = r#"<sdf version="1.11">
 /// A link without mass.
 const MASSLESS: &str = "        <inertial><mass>1e-12</mass><inertia><ixx>1e-12</ixx>\
                         <iyy>1e-12</iyy><izz>1e-12</izz></inertia></inertial>\n";
+
+/// The plug-in that applies a force to a joint.
+const FORCE: &str = "      <plugin filename=\"gz-sim-apply-joint-force-system\" \
+                     name=\"gz::sim::systems::ApplyJointForce\">";
+
+/// Gives each joint a name that no link has.
+pub(super) fn rename(of: &mut Description) {
+    for j in 0..of.joints.len() {
+        let is_taken = |name: &str| {
+            let mut others = of.joints.iter().enumerate().filter(|(k, _)| *k != j);
+            of.links.iter().any(|link| link.name == name) || others.any(|(_, of)| of.name == name)
+        };
+        let mut name = of.joints[j].name.clone();
+        while is_taken(&name) {
+            name.push_str("_joint");
+        }
+        of.joints[j].name = name;
+    }
+}
 
 /// The world with its model.
 pub(super) fn text(out: &mut Out<'_>) -> String {
@@ -51,6 +70,17 @@ pub(super) fn text(out: &mut Out<'_>) -> String {
         for (l, each) in part.loops.iter().enumerate() {
             text += &of_loop(out, (s, l), &format!("{}/{}", part.name, each.name), each);
         }
+    }
+    for (j, joint) in out.loaded.description.joints.iter().enumerate() {
+        let name = &of.joints[j].name;
+        if *name != joint.name {
+            let found = format!("the joint {} is {} there", quoted(&joint.name), quoted(name));
+            out.note(Site::Joint(j), found, "a link has its name");
+        }
+    }
+    for joint in out.robot.active() {
+        let name = escaped(&joint.name);
+        let _ = writeln!(text, "{FORCE}\n        <joint_name>{name}</joint_name>\n      </plugin>");
     }
     text + "    </model>\n  </world>\n</sdf>\n"
 }

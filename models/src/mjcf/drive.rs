@@ -202,6 +202,7 @@ pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &m
             reference: 0.0,
             range,
             effort,
+            velocity: f64::INFINITY,
             terms: dynamics,
             coupling: Some((terms, 0.0)),
             held: None,

@@ -8,7 +8,7 @@ use crate::report::{Diagnostics, Span, quoted};
 
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
 /// actuators; `*` for the whole element with all that it holds.
-const HARMLESS: &str = "
+pub(crate) const HARMLESS: &str = "
     asset: name
     camera: *
     compiler: texturedir discardvisual usethread fusestatic saveinertial fitaabb convexhull
@@ -56,14 +56,14 @@ const HARMLESS: &str = "
 ";
 
 /// Reports the unread parts of a model.
-pub(super) fn report(root: &Element, diagnostics: &mut Diagnostics) {
-    let lines = HARMLESS.lines().filter_map(|line| line.trim().split_once(':'));
+pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &mut Diagnostics) {
+    let lines = harmless.lines().filter_map(|line| line.trim().split_once(':'));
     let mut harmless: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (tag, attributes) in lines {
         harmless.entry(tag).or_default().extend(attributes.split_whitespace());
     }
     let mut found = BTreeMap::new();
-    visit(root, &harmless, &mut found, diagnostics);
+    visit(root, (&harmless, help), &mut found, diagnostics);
     for ((tag, what), (span, count)) in found {
         let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let what = match what {
@@ -79,7 +79,7 @@ type Found<'e> = BTreeMap<(&'e str, &'e str), (Span, usize)>;
 
 fn visit<'e>(
     element: &'e Element,
-    harmless: &BTreeMap<&str, Vec<&str>>,
+    (harmless, help): (&BTreeMap<&str, Vec<&str>>, &str),
     found: &mut Found<'e>,
     diagnostics: &mut Diagnostics,
 ) {
@@ -91,7 +91,6 @@ fn visit<'e>(
             found.entry((tag, "")).or_insert((element.span, 0)).1 += 1;
         } else {
             let found = format!("the element {} is not read", quoted(tag));
-            let help = "remove it, or expand it in MuJoCo (mj_saveLastXML)";
             diagnostics.dynamics(element.span, found, "an element that is known", help);
         }
         return;
@@ -106,5 +105,5 @@ fn visit<'e>(
             diagnostics.dynamics(attribute.span, found, "an attribute that is known", help);
         }
     }
-    element.children.iter().for_each(|child| visit(child, harmless, found, diagnostics));
+    element.children.iter().for_each(|child| visit(child, (harmless, help), found, diagnostics));
 }

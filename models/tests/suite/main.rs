@@ -28,6 +28,7 @@ mod mjcf;
 mod other_faults;
 mod reading;
 mod rewrite;
+mod sdf;
 mod suggest;
 mod terms;
 mod units;
