@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{Description, Joint, JointKind, Loop};
 
 use super::cuts::{Kind, held};
 use super::urdf::escaped;
-use super::{Out, inertial, list};
+use super::{Out, has_terms, inertial, list};
 use crate::pose::{Pose, unit};
 use crate::report::quoted;
 use crate::rewrite::number;
@@ -175,6 +175,10 @@ fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
         _ => "revolute",
     };
     let terms = joint.terms;
+    if kind == "ball" && has_terms(joint) {
+        let found = format!("the ball joint {} has a spring or a damper", quoted(&joint.name));
+        out.lost(Site::Joint(j), found, "none of them", "choose the target mjcf");
+    }
     if terms.rotor_inertia != 0.0 {
         let found = format!("the rotor of {}", quoted(&joint.name));
         let help = "write it as a body, or choose the target mjcf";
