@@ -33,15 +33,12 @@ const FORCE: &str = "      <plugin filename=\"gz-sim-apply-joint-force-system\" 
 /// Gives each joint a name that no link has.
 pub(super) fn rename(of: &mut Description) {
     for j in 0..of.joints.len() {
-        let is_taken = |name: &str| {
-            let mut others = of.joints.iter().enumerate().filter(|(k, _)| *k != j);
-            of.links.iter().any(|link| link.name == name) || others.any(|(_, of)| of.name == name)
-        };
-        let mut name = of.joints[j].name.clone();
-        while is_taken(&name) {
-            name.push_str("_joint");
+        let taken = of.links.iter().map(|of| &of.name);
+        let taken = taken.chain(of.joints[..j].iter().map(|of| &of.name));
+        let taken: Vec<String> = taken.cloned().collect();
+        while taken.contains(&of.joints[j].name) {
+            of.joints[j].name.push_str("_joint");
         }
-        of.joints[j].name = name;
     }
 }
 

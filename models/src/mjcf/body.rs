@@ -27,6 +27,7 @@ pub(crate) enum Kind {
 }
 
 /// A joint; its coordinate is zero in the file's pose, MuJoCo's is `reference` there.
+#[derive(Clone)]
 pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -63,6 +64,26 @@ pub(crate) struct Body {
 }
 
 impl Joint {
+    /// A joint in the origin of the world along z, free of all else.
+    pub(crate) fn new(name: String, span: Span, kind: Kind) -> Joint {
+        Joint {
+            name,
+            span,
+            body: 0,
+            kind,
+            pos: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            reference: 0.0,
+            range: None,
+            effort: f64::INFINITY,
+            velocity: f64::INFINITY,
+            terms: Terms::default(),
+            coupling: None,
+            held: None,
+            drive: None,
+        }
+    }
+
     /// Whether it has one coordinate.
     pub(crate) fn is_single(&self) -> bool {
         matches!(self.kind, Kind::Hinge | Kind::Slide)
@@ -366,20 +387,14 @@ impl<'e, 'd> Walk<'e, 'd> {
             ..Terms::default()
         };
         let joint = Joint {
-            span: item.span(),
             body: place.body,
-            kind,
             pos: if kind == Kind::Free { [0.0; 3] } else { place.frame.apply(pos) },
             axis: rotated(place.frame.r, axis.unwrap_or([0.0, 0.0, 1.0])),
             reference: if kind == Kind::Ball { 0.0 } else { reference },
             range,
             effort: effort.map_or(f64::INFINITY, largest),
-            velocity: f64::INFINITY,
             terms,
-            coupling: None,
-            held: None,
-            drive: None,
-            name,
+            ..Joint::new(name, item.span(), kind)
         };
         self.check_joint(&item, &joint);
         self.tree.add_joint(joint);

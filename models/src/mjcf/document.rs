@@ -51,6 +51,11 @@ impl Element {
         self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
     }
 
+    /// The first child of a name, which is then read.
+    pub(crate) fn one(&self, name: &str) -> Option<&Element> {
+        self.children.iter().find(|of| of.name == name).inspect(|of| of.is_read.set(true))
+    }
+
     /// Marks the element, its attributes and all that it holds as read.
     pub(crate) fn read_all(&self) {
         self.is_read.set(true);
@@ -174,14 +179,18 @@ fn element<'t>(
         is_read: Cell::new(false),
     };
     // the value of an element of SDF is an attribute of its name
+    let is_sdf = node.document().root_element().has_tag_name("sdf");
     let value: String = node.children().filter(Node::is_text).filter_map(|of| of.text()).collect();
-    if !value.trim().is_empty() && node.document().root_element().has_tag_name("sdf") {
+    if is_sdf && !value.trim().is_empty() {
         read.attributes.push(attribute(&read.name, &value, node.range().start));
     }
     for child in node.children().filter(Node::is_element) {
-        let child = element(child, text, files, diagnostics);
+        let mut child = element(child, text, files, diagnostics);
         if child.name == "include" {
             read.children.extend(include(&child, files, diagnostics));
+        } else if matches!(&child.attributes[..], [of] if of.name == child.name && is_sdf) {
+            // one that is nothing but its value is an attribute
+            read.attributes.append(&mut child.attributes);
         } else {
             read.children.push(child);
         }

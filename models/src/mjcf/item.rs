@@ -99,8 +99,8 @@ impl<'e> Item<'e> {
     pub(crate) fn flag(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<bool> {
         let attribute = self.get(name)?;
         match attribute.value.trim() {
-            "true" | "enable" => Some(true),
-            "false" | "disable" => Some(false),
+            "true" | "enable" | "1" => Some(true),
+            "false" | "disable" | "0" => Some(false),
             "auto" => None,
             other => {
                 let found = format!("`{name}` of `{}` is {}", self.tag(), quoted(other));

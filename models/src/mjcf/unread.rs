@@ -9,48 +9,23 @@ use crate::report::{Diagnostics, Span, quoted};
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
 /// actuators; `*` for the whole element with all that it holds.
 pub(crate) const HARMLESS: &str = "
+    *: camera contact custom cylinder damper default general geom hfield intvelocity keyframe key
+    *: lengthrange light material mesh motor muscle position sensor site size skin spatial
+    *: statistic texture velocity visual
     asset: name
-    camera: *
     compiler: texturedir discardvisual usethread fusestatic saveinertial fitaabb convexhull
     connect: name
-    contact: *
-    custom: *
-    cylinder: *
-    damper: *
-    default: *
     fixed: group margin solreflimit solimplimit solreffriction solimpfriction user
     fixed: material rgba width
     flag: contact frictionloss limit clampctrl warmstart filterparent refsafe sensor midphase
     flag: nativeccd eulerdamp autoreset override energy fwdinv invdiscrete multiccd island sleep
     freejoint: group
-    general: *
-    geom: *
-    hfield: *
-    intvelocity: *
     joint: group solreflimit solimplimit solreffriction solimpfriction margin user actuatorgravcomp
-    keyframe: *
-    key: *
-    lengthrange: *
-    light: *
-    material: *
-    mesh: *
-    motor: *
     mujoco: model
-    muscle: *
     option: timestep apirate impratio tolerance ls_tolerance noslip_tolerance ccd_tolerance
     option: sleep_tolerance o_margin o_solref o_solimp o_friction magnetic integrator cone jacobian
     option: solver iterations ls_iterations noslip_iterations ccd_iterations sdf_iterations
     option: sdf_initpoints mpr_tolerance mpr_iterations collision
-    position: *
-    sensor: *
-    site: *
-    size: *
-    skin: *
-    spatial: *
-    statistic: *
-    texture: *
-    velocity: *
-    visual: *
     body: user sleep
     weld: name
 ";
@@ -60,7 +35,12 @@ pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &m
     let lines = harmless.lines().filter_map(|line| line.trim().split_once(':'));
     let mut harmless: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (tag, attributes) in lines {
-        harmless.entry(tag).or_default().extend(attributes.split_whitespace());
+        match tag {
+            "*" => attributes.split_whitespace().for_each(|of| {
+                harmless.insert(of, vec!["*"]);
+            }),
+            _ => harmless.entry(tag).or_default().extend(attributes.split_whitespace()),
+        }
     }
     let mut found = BTreeMap::new();
     visit(root, (&harmless, help), &mut found, diagnostics);

@@ -1,15 +1,16 @@
-//! Named frames: those of models, links and joints, and `<frame>`.
+//! Named frames: those of models, links and joints, and `<frame>`. Names within a model stand
+//! behind its name and `::`.
 
 use std::collections::BTreeMap;
 
-use super::value;
+use super::pose;
 use crate::mjcf::document::Element;
 use crate::pose::Pose;
 use crate::report::{Diagnostics, Span, quoted};
 
 /// The frame of a model, by its own name in it.
 pub(super) const MODEL: &str = "__model__";
-/// The frame of the outermost scope.
+/// The outermost frame.
 pub(super) const WORLD: &str = "world";
 
 /// Most frames that are each given in the next one, where none of them is listed before.
@@ -24,12 +25,13 @@ pub(super) struct Frame<'e> {
     pub(super) base: String,
     /// The frame with whose link it moves.
     pub(super) attached: String,
+    /// The link that it is.
+    pub(super) link: Option<usize>,
 }
 
-/// The frames of a file: names within models stand behind their names and `::`.
+/// The frames of a file.
 #[derive(Default)]
 pub(super) struct Frames<'e> {
-    order: Vec<String>,
     all: BTreeMap<String, Frame<'e>>,
     /// Link and pose in the world; `None` before the end of the search, and after an error.
     found: BTreeMap<String, Option<(usize, Pose)>>,
@@ -40,68 +42,51 @@ pub(super) fn full(scope: &str, name: &str) -> String {
     if name == WORLD { name.to_owned() } else { format!("{scope}{name}") }
 }
 
-impl<'e> Frame<'e> {
-    pub(super) fn new(
-        element: &'e Element,
-        scope: &str,
-        base: &str,
-        attached: String,
-    ) -> Frame<'e> {
-        Frame { element, scope: scope.to_owned(), base: base.to_owned(), attached }
-    }
-}
-
 impl<'e> Frames<'e> {
-    pub(super) fn count(&self) -> usize {
-        self.order.len()
-    }
-
     pub(super) fn add(&mut self, name: String, frame: Frame<'e>, diagnostics: &mut Diagnostics) {
-        if self.all.contains_key(&name) || name == WORLD {
+        if self.all.contains_key(&name) || name == WORLD || name == frame.scope {
             diagnostics.second(frame.element.span, "frame", &name);
         }
-        self.order.push(name.clone());
         self.all.insert(name, frame);
     }
 
-    /// Places all frames.
-    pub(super) fn place(&mut self, links: &BTreeMap<String, usize>, of: &mut Diagnostics) {
-        self.found.insert(WORLD.to_owned(), Some((0, Pose::NONE)));
-        for name in self.order.clone() {
-            self.search(&name, Span::start(0), 0, links, of);
-        }
+    pub(super) fn count(&self) -> usize {
+        self.all.len()
     }
 
-    fn search(
+    /// The link and the pose of a frame; `None` after an error.
+    pub(super) fn get(
         &mut self,
         name: &str,
-        at: Span,
-        depth: usize,
-        links: &BTreeMap<String, usize>,
+        (at, depth): (Span, usize),
         diagnostics: &mut Diagnostics,
     ) -> Option<(usize, Pose)> {
+        if name == WORLD {
+            return Some((0, Pose::NONE));
+        }
         let name = self.whole(name);
         if let Some(Some(found)) = self.found.get(&name) {
             return Some(*found);
         }
-        let is_open = self.found.insert(name.clone(), None).is_some() || depth > DEEPEST;
+        let is_open = self.found.contains_key(&name) || depth > DEEPEST;
         let frame = self.all.get(&name).filter(|_| !is_open);
-        let link = self.link(&name, links);
-        let (Some(Frame { element, scope, base, .. }), Some(link)) = (frame, link) else {
-            let found = match frame {
-                None if !is_open => format!("the frame {}, which does not exist", quoted(&name)),
-                _ => format!("the frame {} is not placed, or relative to itself", quoted(&name)),
-            };
+        let (Some(Frame { element, scope, base, .. }), Some(link)) = (frame, self.link(&name))
+        else {
+            let why = if is_open { "is relative to itself" } else { "does not exist" };
+            let found = format!("the frame {} {why}, or it is not placed", quoted(&name));
             let help = "correct the name, or list frames behind those that they name";
             diagnostics.error(at, found, "a frame of this file", help);
             return None;
         };
-        let (pose, written) = value::pose(element, diagnostics);
+        let (inner, written) = pose(element, diagnostics);
+        let written = written.get("relative_to").or(written.get("frame")).map(|of| of.value.trim());
+        let written = written.filter(|of| !of.is_empty());
         let base = written.map_or_else(|| base.clone(), |of| full(scope, of));
-        let (_, outer) = self.search(&base, element.span, depth + 1, links, diagnostics)?;
-        let placed = (link, outer.then(pose));
-        self.found.insert(name, Some(placed));
-        Some(placed)
+        let span = element.span;
+        self.found.insert(name.clone(), None);
+        let (_, outer) = self.get(&base, (span, depth + 1), diagnostics)?;
+        self.found.insert(name, Some((link, outer.then(inner))));
+        Some((link, outer.then(inner)))
     }
 
     /// The name of a frame, or of the frame of a model.
@@ -111,31 +96,15 @@ impl<'e> Frames<'e> {
     }
 
     /// The link with which a frame moves.
-    fn link(&self, name: &str, links: &BTreeMap<String, usize>) -> Option<usize> {
+    fn link(&self, name: &str) -> Option<usize> {
         let mut name = name.to_owned();
         for _ in 0..DEEPEST {
-            if let Some(link) = links.get(&name) {
-                return Some(*link);
+            match self.all.get(&name) {
+                Some(Frame { link: None, attached, .. }) => name = self.whole(attached),
+                Some(of) => return of.link,
+                None => return (name == WORLD).then_some(0),
             }
-            name = self.whole(&self.all.get(&name)?.attached);
         }
         None
-    }
-
-    /// The link and the pose of a frame; `None` of one that is not placed, after an error.
-    pub(super) fn get(
-        &self,
-        name: &str,
-        at: Span,
-        diagnostics: &mut Diagnostics,
-    ) -> Option<(usize, Pose)> {
-        let found = self.found.get(&self.whole(name));
-        if found.is_none() {
-            let known = self.all.keys().map(String::as_str);
-            let found = format!("the frame {}, which does not exist", quoted(name));
-            let expected = "a link or another frame of this file";
-            diagnostics.unknown(at, found, expected, name, known, "correct the name");
-        }
-        *found?
     }
 }
