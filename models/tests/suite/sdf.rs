@@ -1,10 +1,13 @@
 //! SDF: written and read again, against Drake, and rules that are refused or noted.
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
 
 use sarrus_dynamics::description::{Description, Inertial, JointKind, Placement, Terms};
 use sarrus_dynamics::{Field, Model, Request};
-use sarrus_models::{Loaded, Target, as_tree, bundled, export};
+use sarrus_models::{Loaded, Options, Source, Target, as_tree, bundled, export, load};
+use serde_json::Value;
 
 use super::export::{asked, compiled, file, imported, mjcf, order, robot, same_trees, size, state};
 
@@ -184,4 +187,72 @@ fn robots_of_mjcf_are_the_same_after_a_way_through_sdf() {
         }
         assert!(through(name, &loaded), "{name}");
     }
+}
+
+/// Compares a file with Drake's vectors: M and forces, of the tree where there are loops, and the
+/// space of the rows of K with K̇ q̇.
+fn agrees(name: &str) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/suite/sdf");
+    let text = fs::read_to_string(folder.join(format!("{name}.json"))).unwrap();
+    let vectors: Value = serde_json::from_str(&text).unwrap();
+    let source = Source::Files { urdf: folder.join(format!("{name}.sdf")), submechanisms: None };
+    let loaded = load(&source, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    let numbers = |of: &Value| -> Vec<f64> {
+        of.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let tree: Vec<String> = serde_json::from_value(vectors["tree"].clone()).unwrap();
+    let has_loops = loaded.description.submechanisms.iter().any(|part| !part.loops.is_empty());
+    let model = match has_loops {
+        true => compiled(name, &as_tree(&loaded.description)),
+        false => loaded.compiled.model.clone(),
+    };
+    let to = order(&tree, model.independent_names());
+    let n = tree.len();
+    assert_eq!(model.independent_names().len(), n, "{name}");
+    for state in vectors["states"].as_array().unwrap() {
+        let mut at: BTreeMap<String, [f64; 2]> = BTreeMap::new();
+        for (k, key) in ["q", "v"].into_iter().enumerate() {
+            for (joint, value) in state[key].as_object().unwrap() {
+                at.entry(joint.clone()).or_default()[k] = value.as_f64().unwrap();
+            }
+        }
+        let found = asked(&model, Request::InverseDynamics, &at, &[Field::TauY, Field::MY]);
+        let wanted = numbers(&state["h"]);
+        let gap = (0..n).map(|i| (found[0][to[i]] - wanted[i]).abs()).fold(0.0, f64::max);
+        assert!(gap <= ROUNDING * size(&wanted), "{name}: forces {gap:e}");
+        let rows_of = |key: &str| -> Vec<Vec<f64>> {
+            state[key].as_array().unwrap().iter().map(numbers).collect()
+        };
+        let wanted = rows_of("M").concat();
+        let own = |k: usize| found[1][to[k / n] * n + to[k % n]];
+        let gap = (0..n * n).map(|k| (own(k) - wanted[k]).abs()).fold(0.0, f64::max);
+        assert!(gap <= ROUNDING * size(&wanted), "{name}: M {gap:e}");
+        if has_loops {
+            let own = rows(&loaded.compiled.model, &at, &tree);
+            let mut theirs = rows_of("K");
+            let bias = numbers(&state["k_bias"]);
+            theirs.iter_mut().zip(bias).for_each(|(row, bias)| row.push(bias));
+            for (some, others) in [(&own, &theirs), (&theirs, &own)] {
+                for row in some {
+                    let gap = size(&rest(row, others));
+                    assert!(gap <= ROUNDING * size(row).max(1.0), "{name}: K {gap:e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn frames_axes_inertia_and_joints_agree_with_drake() {
+    agrees("rules");
+}
+
+#[test]
+fn an_old_file_of_a_floating_robot_agrees_with_drake() {
+    agrees("old");
+}
+
+#[test]
+fn loops_agree_with_drakes_jacobians() {
+    agrees("loops");
 }
