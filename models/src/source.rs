@@ -147,28 +147,27 @@ pub(crate) fn contents(
     source: &Source,
     diagnostics: &mut Diagnostics,
 ) -> Result<Option<Contents>, LoadError> {
-    match source {
-        Source::Bundled(name) => bundled_contents(name).map(Some),
+    let (path, urdf, submechanisms) = match source {
+        Source::Bundled(name) => return bundled_contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
-            smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
+            return smurf::contents(urdf, submechanisms.as_deref(), diagnostics);
         }
         Source::Files { urdf, submechanisms } => {
-            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
-            let read = text::read(urdf)?;
-            if import::converter(&read.1).is_some() {
-                return Ok(import::contents(Some(urdf), read, submechanisms, diagnostics));
-            }
-            Ok(Some(Contents { urdf: read, submechanisms, folder }))
+            (Some(urdf.as_path()), text::read(urdf)?, submechanisms)
         }
         Source::Text { urdf, submechanisms } => {
-            let read = ("robot.urdf".to_owned(), urdf.clone());
-            let submechanisms =
-                submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes));
-            if import::converter(urdf).is_some() {
-                return Ok(import::contents(None, read, submechanisms, diagnostics));
-            }
-            Ok(Some(Contents { urdf: read, submechanisms, folder: None }))
+            let named = |bytes: &Vec<u8>| ("submechanisms.yml".to_owned(), bytes.clone());
+            let urdf = ("robot.urdf".to_owned(), urdf.clone());
+            (None, urdf, submechanisms.as_ref().map(named))
         }
+    };
+    if import::converter(&urdf.1).is_some() {
+        return Ok(import::contents(path, urdf, submechanisms, diagnostics));
     }
+    let folder = match source {
+        Source::Files { submechanisms: Some(path), .. } => path.parent().map(Path::to_owned),
+        _ => None,
+    };
+    Ok(Some(Contents { urdf, submechanisms, folder }))
 }

@@ -7,7 +7,7 @@ use super::document::Element;
 use crate::report::{Diagnostics, Span, quoted};
 
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
-/// actuators; `*` for the whole element with all that it holds.
+/// actuators; `*` for the whole element with all that it holds, `=` for an attribute of one value.
 pub(crate) const HARMLESS: &str = "
     *: camera contact custom cylinder damper default general geom hfield intvelocity keyframe key
     *: lengthrange light material mesh motor muscle position sensor site size skin spatial
@@ -77,7 +77,8 @@ fn visit<'e>(
     }
     for attribute in element.attributes.iter().filter(|of| !of.is_read.get()) {
         let name = attribute.name.as_str();
-        if is_harmless || known.contains(&name) {
+        let with_value = format!("{name}={}", attribute.value.trim());
+        if is_harmless || known.contains(&name) || known.contains(&&*with_value) {
             found.entry((tag, name)).or_insert((attribute.span, 0)).1 += 1;
         } else {
             let found = format!("the attribute {} of {} is not read", quoted(name), quoted(tag));

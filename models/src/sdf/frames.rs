@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use super::pose;
+use super::{Robot, pose};
 use crate::mjcf::document::Element;
 use crate::pose::Pose;
-use crate::report::{Diagnostics, Span, quoted};
+use crate::report::{Span, quoted};
 
 /// The frame of a model, by its own name in it.
 pub(super) const MODEL: &str = "__model__";
@@ -17,24 +17,14 @@ pub(super) const WORLD: &str = "world";
 const DEEPEST: usize = 200;
 
 /// A frame as written.
-pub(super) struct Frame<'e> {
-    pub(super) element: &'e Element,
-    /// The names of the models around it, each with `::`.
-    pub(super) scope: String,
-    /// The frame in which its pose is given where that names none.
-    pub(super) base: String,
+pub(super) struct Frame {
+    name: String,
+    span: Span,
+    /// Its pose in another frame.
+    pose: Pose,
+    base: String,
     /// The frame with whose link it moves.
-    pub(super) attached: String,
-    /// The link that it is.
-    pub(super) link: Option<usize>,
-}
-
-/// The frames of a file.
-#[derive(Default)]
-pub(super) struct Frames<'e> {
-    all: BTreeMap<String, Frame<'e>>,
-    /// Link and pose in the world; `None` before the end of the search, and after an error.
-    found: BTreeMap<String, Option<(usize, Pose)>>,
+    attached: String,
 }
 
 /// The whole name of a frame that is named within a scope.
@@ -42,69 +32,69 @@ pub(super) fn full(scope: &str, name: &str) -> String {
     if name == WORLD { name.to_owned() } else { format!("{scope}{name}") }
 }
 
-impl<'e> Frames<'e> {
-    pub(super) fn add(&mut self, name: String, frame: Frame<'e>, diagnostics: &mut Diagnostics) {
-        if self.all.contains_key(&name) || name == WORLD || name == frame.scope {
-            diagnostics.second(frame.element.span, "frame", &name);
-        }
-        self.all.insert(name, frame);
+impl<'e> Robot<'e, '_> {
+    /// Adds the frame of an element, with the frames that are its base by default and hold its
+    /// link.
+    pub(super) fn add(
+        &mut self,
+        name: String,
+        of: &'e Element,
+        scope: &str,
+        [base, attached]: [&str; 2],
+    ) {
+        of.is_read.set(true);
+        let (pose, at) = pose(of, self.diagnostics);
+        let written = at.text("relative_to").or(at.text("frame")).filter(|of| !of.is_empty());
+        let base = written.map_or_else(|| base.to_owned(), |of| full(scope, of));
+        let attached = attached.to_owned();
+        self.frames.push(Frame { name, span: of.span, pose, base, attached });
     }
 
-    pub(super) fn count(&self) -> usize {
-        self.all.len()
+    /// Places the frames in the world.
+    pub(super) fn place(&mut self) {
+        let links = self.links.iter().enumerate().map(|(k, link)| (link.name.clone(), k));
+        let links: BTreeMap<String, usize> = links.collect();
+        let mut open = std::mem::take(&mut self.frames);
+        self.found.insert(WORLD.to_owned(), (0, Pose::NONE));
+        for _ in 0..DEEPEST {
+            open.retain(|Frame { name, span, pose, base, attached }| {
+                let link = links.get(attached).or(self.found.get(attached).map(|(link, _)| link));
+                let (Some(link), Some((_, outer))) = (link, self.found.get(base)) else {
+                    return true;
+                };
+                let placed = (*link, outer.then(*pose));
+                if self.found.insert(name.clone(), placed).is_some() || name.ends_with("::") {
+                    self.diagnostics.second(*span, "frame", name);
+                }
+                false
+            });
+        }
+        for link in &mut self.links {
+            link.at = self.found.get(&link.name).map_or(Pose::NONE, |(_, at)| *at);
+        }
+        for Frame { name, span, .. } in open {
+            let found = format!("the frame {} is relative to none that is placed", quoted(&name));
+            let help = "correct the names, or list frames behind those that they name";
+            self.diagnostics.error(span, found, "another frame of this file", help);
+        }
     }
 
     /// The link and the pose of a frame; `None` after an error.
-    pub(super) fn get(
-        &mut self,
-        name: &str,
-        (at, depth): (Span, usize),
-        diagnostics: &mut Diagnostics,
-    ) -> Option<(usize, Pose)> {
-        if name == WORLD {
-            return Some((0, Pose::NONE));
+    pub(super) fn frame(&mut self, name: &str, at: Span) -> Option<(usize, Pose)> {
+        let found = self.found.get(name).copied();
+        if found.is_none() {
+            let known = self.found.keys().map(String::as_str);
+            let found = format!("the frame {}, which has no place", quoted(name));
+            let expected = "a frame of this file";
+            self.diagnostics.unknown(at, found, expected, name, known, "correct the name");
         }
-        let name = self.whole(name);
-        if let Some(Some(found)) = self.found.get(&name) {
-            return Some(*found);
-        }
-        let is_open = self.found.contains_key(&name) || depth > DEEPEST;
-        let frame = self.all.get(&name).filter(|_| !is_open);
-        let (Some(Frame { element, scope, base, .. }), Some(link)) = (frame, self.link(&name))
-        else {
-            let why = if is_open { "is relative to itself" } else { "does not exist" };
-            let found = format!("the frame {} {why}, or it is not placed", quoted(&name));
-            let help = "correct the name, or list frames behind those that they name";
-            diagnostics.error(at, found, "a frame of this file", help);
-            return None;
-        };
-        let (inner, written) = pose(element, diagnostics);
-        let written = written.get("relative_to").or(written.get("frame")).map(|of| of.value.trim());
-        let written = written.filter(|of| !of.is_empty());
-        let base = written.map_or_else(|| base.clone(), |of| full(scope, of));
-        let span = element.span;
-        self.found.insert(name.clone(), None);
-        let (_, outer) = self.get(&base, (span, depth + 1), diagnostics)?;
-        self.found.insert(name, Some((link, outer.then(inner))));
-        Some((link, outer.then(inner)))
+        found
     }
+}
 
-    /// The name of a frame, or of the frame of a model.
-    fn whole(&self, name: &str) -> String {
-        let inner = format!("{name}::{MODEL}");
-        if self.all.contains_key(&inner) { inner } else { name.to_owned() }
-    }
-
-    /// The link with which a frame moves.
-    fn link(&self, name: &str) -> Option<usize> {
-        let mut name = name.to_owned();
-        for _ in 0..DEEPEST {
-            match self.all.get(&name) {
-                Some(Frame { link: None, attached, .. }) => name = self.whole(attached),
-                Some(of) => return of.link,
-                None => return (name == WORLD).then_some(0),
-            }
-        }
-        None
+impl Frame {
+    /// Another name of a frame.
+    pub(super) fn same(name: String, span: Span, of: &str) -> Frame {
+        Frame { name, span, pose: Pose::NONE, base: of.to_owned(), attached: of.to_owned() }
     }
 }

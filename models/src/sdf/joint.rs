@@ -43,56 +43,19 @@ impl<'e> Robot<'e, '_> {
         let name = full(scope, of.text("name")?);
         let ends = ["parent", "child"].map(|end| {
             let end = full(scope, of.text(end).unwrap_or_default());
-            self.frames.get(&end, (of.span, 0), self.diagnostics).map(|(link, _)| link)
+            self.frame(&end, of.span).map(|(link, _)| link)
         });
-        let (_, at) = self.frames.get(&name, (of.span, 0), self.diagnostics)?;
+        let (_, at) = self.frame(&name, of.span)?;
         let ends = [ends[0]?, ends[1]?];
         if ends[0] == ends[1] || ends[1] == 0 {
             let found = format!("the ends of the joint {}", quoted(&name));
             self.diagnostics.error(of.span, found, "two links", "correct one of them");
         }
-        let plain = |kind| Joint::new(name.clone(), of.span, kind);
-        let own = |joint: &Joint| rotated(at.inverse().r, joint.axis);
-        let (mut joints, cut) = match of.text("type").unwrap_or_default() {
-            "fixed" => {
-                (vec![Joint { held: Some(0.0), ..plain(Kind::Hinge) }], Some(CutJoint::Weld))
-            }
-            "ball" => (vec![plain(Kind::Ball)], Some(CutJoint::Spherical)),
-            "revolute" | "continuous" => {
-                let joint = self.axis((of, "axis"), scope, at, plain(Kind::Hinge))?;
-                let axis = own(&joint);
-                (vec![joint], Some(CutJoint::Revolute { axis }))
-            }
-            "prismatic" => {
-                let joint = self.axis((of, "axis"), scope, at, plain(Kind::Slide))?;
-                let axis = own(&joint);
-                (vec![joint], Some(CutJoint::Prismatic { axis }))
-            }
-            "universal" | "revolute2" => {
-                let [first, second] = [("axis", "/r1"), ("axis2", "/r2")].map(|(axis, suffix)| {
-                    let plain = Joint::new(format!("{name}{suffix}"), of.span, Kind::Hinge);
-                    self.axis((of, axis), scope, at, plain)
-                });
-                let [first, second] = [first?, second?];
-                let cut = CutJoint::Universal { axis: own(&first), axis2: own(&second) };
-                (vec![first, second], Some(cut))
-            }
-            "screw" => {
-                let joint = self.axis((of, "axis"), scope, at, plain(Kind::Hinge))?;
-                let mut pitch = |name| number(Some(of), name, f64::NAN, self.diagnostics);
-                // the older one counts radians in a metre, of a thread with the other hand
-                let [new, old] = ["screw_thread_pitch", "thread_pitch"].map(&mut pitch);
-                let length = if new.is_nan() { -1.0 / old } else { new / TAU };
-                if !length.is_finite() {
-                    let found = format!("the screw {} has no pitch", quoted(&name));
-                    let expected = "<screw_thread_pitch>, metres in a turn";
-                    self.diagnostics.error(of.span, found, expected, "add it");
-                }
-                let slide = Joint::new(format!("{name}/slide"), of.span, Kind::Slide);
-                let coupling = Some((vec![(name.clone(), length)], 0.0));
-                let slide = Joint { axis: joint.axis, coupling, ..slide };
-                (vec![joint, slide], None)
-            }
+        let kind = of.text("type").unwrap_or_default();
+        let axes: &[(&str, &str)] = match kind {
+            "fixed" | "ball" => &[],
+            "revolute" | "continuous" | "prismatic" | "screw" => &[("axis", "")],
+            "universal" | "revolute2" => &[("axis", "/r1"), ("axis2", "/r2")],
             other => {
                 of.read_all();
                 let found = format!("the joint {} of type {}", quoted(&name), quoted(other));
@@ -102,11 +65,49 @@ impl<'e> Robot<'e, '_> {
                 return None;
             }
         };
+        let motion = if kind == "prismatic" { Kind::Slide } else { Kind::Hinge };
+        let plain = |suffix: &str, motion| Joint::new(format!("{name}{suffix}"), of.span, motion);
+        let joints = axes
+            .iter()
+            .map(|(element, suffix)| self.axis((of, element), scope, at, plain(suffix, motion)));
+        let mut joints = joints.collect::<Option<Vec<Joint>>>()?;
+        let own: Vec<[f64; 3]> =
+            joints.iter().map(|joint| rotated(at.inverse().r, joint.axis)).collect();
+        let cut = match (kind, &own[..]) {
+            ("fixed", _) => Some(CutJoint::Weld),
+            ("screw", _) => None,
+            ("prismatic", &[axis]) => Some(CutJoint::Prismatic { axis }),
+            (_, &[axis]) => Some(CutJoint::Revolute { axis }),
+            (_, &[axis, axis2]) => Some(CutJoint::Universal { axis, axis2 }),
+            _ => Some(CutJoint::Spherical),
+        };
+        joints.extend(match kind {
+            "fixed" => Some(Joint { held: Some(0.0), ..plain("", motion) }),
+            "ball" => Some(plain("", Kind::Ball)),
+            "screw" => {
+                let coupling = Some((vec![(name.clone(), self.pitch(of))], 0.0));
+                Some(Joint { axis: joints[0].axis, coupling, ..plain("/slide", Kind::Slide) })
+            }
+            _ => None,
+        });
         if let Some(k) = self.driven.iter().position(|(driven, _)| *driven == name) {
             joints[0].drive = Some(f64::INFINITY);
             self.driven.remove(k);
         }
         Some(Draft { name, ends, at, joints, cut })
+    }
+
+    /// The slide of a screw in a radian.
+    fn pitch(&mut self, of: &'e Element) -> f64 {
+        // the older one counts radians in a metre, of a thread with the other hand
+        let [new, old] = ["screw_thread_pitch", "thread_pitch"]
+            .map(|name| number(Some(of), name, f64::NAN, self.diagnostics));
+        let length = if new.is_nan() { -1.0 / old } else { new / TAU };
+        if !length.is_finite() {
+            let expected = "<screw_thread_pitch>, metres in a turn";
+            self.diagnostics.error(of.span, "a screw without a pitch", expected, "add it");
+        }
+        length
     }
 
     /// A joint with the values of an axis.
@@ -128,7 +129,7 @@ impl<'e> Robot<'e, '_> {
         let is_old = Item::plain(of).flag("use_parent_model_frame", self.diagnostics);
         let frame = frame.or(is_old.unwrap_or(self.has_model_axes).then_some(MODEL));
         let frame = match frame {
-            Some(frame) => self.frames.get(&full(scope, frame), (of.span, 0), self.diagnostics)?.1,
+            Some(frame) => self.frame(&full(scope, frame), of.span)?.1,
             None => at,
         };
         let Some(axis) = unit(xyz.numbers("xyz", self.diagnostics).unwrap_or([0.0, 0.0, 1.0]))

@@ -11,6 +11,7 @@ mod frames;
 mod joint;
 mod tree;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Inertial;
@@ -23,16 +24,18 @@ use crate::number;
 use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::quaternion;
-use frames::{Frame, Frames, MODEL, WORLD, full};
+use frames::{Frame, MODEL, WORLD, full};
 
 /// Elements and attributes without influence on mass, forces, loops, limits and actuators.
 const HARMLESS: &str = "
     *: sdf world physics scene light gui atmosphere magnetic_field wind audio road state actor
     *: spherical_coordinates plugin gripper visual collision sensor projector audio_sink
     *: audio_source battery particle_emitter axis axis2
-    model: canonical_link self_collide allow_auto_disable enable_wind
-    link: self_collide enable_wind must_be_base_link
-    inertial: density
+    model: canonical_link self_collide allow_auto_disable enable_wind static=0 static=false
+    link: self_collide enable_wind must_be_base_link gravity=1 gravity=true kinematic=0
+    link: kinematic=false
+    inertial: density auto=0 auto=false
+    velocity_decay: linear=0 angular=0
     limit: stiffness dissipation
 ";
 
@@ -54,7 +57,8 @@ pub(crate) fn convert(
     let name = model.text("name").unwrap_or_default().to_owned();
     let world = Link { name: WORLD.to_owned(), span: model.span, at: Pose::NONE, inertial: None };
     let mut robot = Robot {
-        frames: Frames::default(),
+        frames: Vec::new(),
+        found: BTreeMap::new(),
         links: vec![world],
         joints: Vec::new(),
         driven: Vec::new(),
@@ -62,16 +66,13 @@ pub(crate) fn convert(
         diagnostics,
     };
     robot.collect(model, ["", ""], WORLD);
-    if robot.frames.count() > MOST_PARTS {
+    if robot.frames.len() > MOST_PARTS {
         let found = "the model has too many parts";
         let most = format!("at most {MOST_PARTS}");
         diagnostics.error(model.span, found, most, "remove some of them");
         return None;
     }
-    for link in &mut robot.links {
-        let found = robot.frames.get(&link.name, (link.span, 0), robot.diagnostics);
-        link.at = found.map_or(Pose::NONE, |(_, at)| at);
-    }
+    robot.place();
     let (tree, cuts) = robot.tree();
     unread::report(&root, HARMLESS, "remove it", diagnostics);
     converted(name, &tree, cuts, None, diagnostics)
@@ -156,7 +157,9 @@ struct Link {
 
 /// The parts of a model.
 struct Robot<'e, 'd> {
-    frames: Frames<'e>,
+    frames: Vec<Frame>,
+    /// Link and pose in the world of each frame.
+    found: BTreeMap<String, (usize, Pose)>,
     /// The first one is the world.
     links: Vec<Link>,
     /// With their scopes.
@@ -168,14 +171,29 @@ struct Robot<'e, 'd> {
     diagnostics: &'d mut Diagnostics,
 }
 
+/// The link with which the frame of a model moves.
+fn canonical(model: &Element, scope: &str) -> String {
+    let name = |of: &Element| full(scope, of.text("name").unwrap_or_default());
+    let first = |kind: &str| model.children.iter().find(|of| of.name == kind);
+    match (model.text("canonical_link"), first("link"), first("model")) {
+        (Some(of), ..) => full(scope, of),
+        (None, Some(link), _) => name(link),
+        (None, None, Some(inner)) => canonical(inner, &format!("{}::", name(inner))),
+        _ => String::new(),
+    }
+}
+
 impl<'e> Robot<'e, '_> {
     /// Reads the parts of a model within an outer and with an inner scope.
     fn collect(&mut self, model: &'e Element, [outer, scope]: [&str; 2], base: &str) {
         let own = format!("{scope}{MODEL}");
-        let is_body = |of: &&Element| ["link", "model"].contains(&of.name.as_str());
-        let first = model.children.iter().find(is_body).and_then(|of| of.text("name"));
-        let first = model.text("canonical_link").or(first).unwrap_or_default();
-        self.add(own.clone(), model, outer, [base, &full(scope, first)]);
+        let held = canonical(model, scope);
+        // a nested model stands for its frame
+        let name = scope.strip_suffix("::").unwrap_or(&own);
+        self.add(name.to_owned(), model, outer, [base, &held]);
+        if name != own {
+            self.frames.push(Frame::same(own.clone(), model.span, name));
+        }
         for part in &model.children {
             let whole = full(scope, part.text("name").unwrap_or_default());
             match part.name.as_str() {
@@ -200,23 +218,9 @@ impl<'e> Robot<'e, '_> {
         }
     }
 
-    /// Adds the frame of an element, with the frames that are its default base and hold its link.
-    fn add(&mut self, name: String, of: &'e Element, scope: &str, [base, attached]: [&str; 2]) {
-        of.is_read.set(true);
-        let link = (of.name == "link").then_some(self.links.len() - 1);
-        let [scope, base, attached] = [scope, base, attached].map(str::to_owned);
-        let frame = Frame { element: of, scope, base, attached, link };
-        self.frames.add(name, frame, self.diagnostics);
-    }
-
     /// A link with its mass and inertia, by default those of SDF.
     fn link(&mut self, link: &'e Element, name: &str) {
-        for (effect, usual) in [("gravity", true), ("kinematic", false)] {
-            if Item::plain(link).flag(effect, self.diagnostics) == Some(!usual) {
-                let found = format!("`{effect}` of the link {}", quoted(name));
-                self.diagnostics.dynamics(link.span, found, format!("{usual}"), "remove it");
-            }
-        }
+        link.one("velocity_decay");
         let of = link.one("inertial");
         if of.is_none() {
             let found = format!("the link {} has no inertial", quoted(name));
