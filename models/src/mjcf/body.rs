@@ -52,7 +52,7 @@ pub(crate) struct Joint {
 /// A body.
 pub(crate) struct Body {
     pub(crate) name: String,
-    span: Span,
+    pub(crate) span: Span,
     pub(crate) parent: usize,
     /// In the parent's frame, in the file's pose.
     pub(crate) pose: Pose,

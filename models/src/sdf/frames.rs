@@ -52,8 +52,8 @@ impl<'e> Robot<'e, '_> {
 
     /// Places the frames in the world.
     pub(super) fn place(&mut self) {
-        let links = self.links.iter().enumerate().map(|(k, link)| (link.name.clone(), k));
-        let links: BTreeMap<String, usize> = links.collect();
+        let links: BTreeMap<String, usize> =
+            self.links.iter().enumerate().map(|(k, link)| (link.name.clone(), k)).collect();
         let mut open = std::mem::take(&mut self.frames);
         self.found.insert(WORLD.to_owned(), (0, Pose::NONE));
         for _ in 0..DEEPEST {
@@ -63,6 +63,8 @@ impl<'e> Robot<'e, '_> {
                     return true;
                 };
                 let placed = (*link, outer.then(*pose));
+                // a model stands for its frame
+                self.found.insert(format!("{name}::{MODEL}"), placed);
                 if self.found.insert(name.clone(), placed).is_some() || name.ends_with("::") {
                     self.diagnostics.second(*span, "frame", name);
                 }
@@ -70,12 +72,11 @@ impl<'e> Robot<'e, '_> {
             });
         }
         for link in &mut self.links {
-            link.at = self.found.get(&link.name).map_or(Pose::NONE, |(_, at)| *at);
+            link.pose = self.found.get(&link.name).map_or(Pose::NONE, |(_, at)| *at);
         }
         for Frame { name, span, .. } in open {
             let found = format!("the frame {} is relative to none that is placed", quoted(&name));
-            let help = "correct the names, or list frames behind those that they name";
-            self.diagnostics.error(span, found, "another frame of this file", help);
+            self.fault(span, found, "another frame of this file, best before it");
         }
     }
 
@@ -89,12 +90,5 @@ impl<'e> Robot<'e, '_> {
             self.diagnostics.unknown(at, found, expected, name, known, "correct the name");
         }
         found
-    }
-}
-
-impl Frame {
-    /// Another name of a frame.
-    pub(super) fn same(name: String, span: Span, of: &str) -> Frame {
-        Frame { name, span, pose: Pose::NONE, base: of.to_owned(), attached: of.to_owned() }
     }
 }

@@ -48,8 +48,7 @@ impl<'e> Robot<'e, '_> {
         let (_, at) = self.frame(&name, of.span)?;
         let ends = [ends[0]?, ends[1]?];
         if ends[0] == ends[1] || ends[1] == 0 {
-            let found = format!("the ends of the joint {}", quoted(&name));
-            self.diagnostics.error(of.span, found, "two links", "correct one of them");
+            self.fault(of.span, format!("the ends of the joint {}", quoted(&name)), "two links");
         }
         let kind = of.text("type").unwrap_or_default();
         let axes: &[(&str, &str)] = match kind {
@@ -104,8 +103,7 @@ impl<'e> Robot<'e, '_> {
             .map(|name| number(Some(of), name, f64::NAN, self.diagnostics));
         let length = if new.is_nan() { -1.0 / old } else { new / TAU };
         if !length.is_finite() {
-            let expected = "<screw_thread_pitch>, metres in a turn";
-            self.diagnostics.error(of.span, "a screw without a pitch", expected, "add it");
+            self.fault(of.span, "a screw without a pitch".to_owned(), "<screw_thread_pitch>");
         }
         length
     }
@@ -120,8 +118,7 @@ impl<'e> Robot<'e, '_> {
     ) -> Option<Joint> {
         let name = quoted(&plain.name);
         let Some(of) = joint.one(element) else {
-            let found = format!("the joint {name} has no `{element}`");
-            self.diagnostics.error(joint.span, found, "an axis", "add it");
+            self.fault(joint.span, format!("the joint {name} has no `{element}`"), "an axis");
             return None;
         };
         let xyz = Item::plain(of.one("xyz").unwrap_or(of));
@@ -134,8 +131,7 @@ impl<'e> Robot<'e, '_> {
         };
         let Some(axis) = unit(xyz.numbers("xyz", self.diagnostics).unwrap_or([0.0, 0.0, 1.0]))
         else {
-            let found = format!("the axis of the joint {name} is zero");
-            self.diagnostics.error(of.span, found, "a direction as 0 0 1", "correct it");
+            self.fault(of.span, format!("the axis of the joint {name} is zero"), "a direction");
             return None;
         };
         let mut value = |of, name, usual| number(of, name, usual, self.diagnostics);
@@ -167,9 +163,7 @@ impl<'e> Robot<'e, '_> {
             (vec![(format!("{leader}{suffix}"), factor)], offset)
         });
         if range[0] > range[1] {
-            let found =
-                format!("the lower limit {} is above the upper limit {}", range[0], range[1]);
-            self.diagnostics.error(of.span, found, "lower ≤ upper", "swap them");
+            self.fault(of.span, format!("the limits of {name}"), "lower ≤ upper");
         }
         let is_limited = joint.text("type") != Some("continuous") && range != [-none, none];
         let range = is_limited.then_some(range);

@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 
 use sarrus_dynamics::description::Inertial;
 
+use crate::mjcf::body::Body;
 use crate::mjcf::compiler;
 use crate::mjcf::document::{self, Element, Files};
 use crate::mjcf::item::Item;
 use crate::mjcf::{Converted, converted, unread};
-use crate::number;
 use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 use crate::rotation::quaternion;
@@ -55,11 +55,10 @@ pub(crate) fn convert(
     let minor = root.text("version").and_then(|of| of.split('.').nth(1)?.parse::<u32>().ok());
     let model = model(&root, diagnostics)?;
     let name = model.text("name").unwrap_or_default().to_owned();
-    let world = Link { name: WORLD.to_owned(), span: model.span, at: Pose::NONE, inertial: None };
     let mut robot = Robot {
         frames: Vec::new(),
         found: BTreeMap::new(),
-        links: vec![world],
+        links: vec![Body::new(WORLD.to_owned(), model.span, 0, Pose::NONE)],
         joints: Vec::new(),
         driven: Vec::new(),
         has_model_axes: minor.is_some_and(|minor| minor < 5),
@@ -88,37 +87,27 @@ fn model<'e>(root: &'e Element, diagnostics: &mut Diagnostics) -> Option<&'e Ele
             diagnostics.note(world.span(), found, "give it as --gravity=0,0,-9.8");
         }
     }
-    let mut moving = Vec::new();
-    for model in worlds.into_iter().chain([root]).flat_map(|of| of.all("model")) {
-        if Item::plain(model).flag("static", diagnostics) == Some(true) {
-            model.read_all();
-            let found = format!("the static model {}", quoted(model.text("name").unwrap_or("")));
-            diagnostics.note(model.span, found, "it is left out");
-        } else {
-            moving.push(model);
-        }
+    let models = worlds.into_iter().chain([root]).flat_map(|of| of.all("model"));
+    let is_static = |of: &&Element| Item::plain(of).flag("static", diagnostics) == Some(true);
+    let (still, moving): (Vec<&Element>, Vec<&Element>) = models.partition(is_static);
+    for model in still {
+        model.read_all();
+        diagnostics.note(model.span, "a static model", "it is left out");
     }
-    if let [model] = moving[..] {
-        return Some(model);
+    if moving.len() != 1 {
+        let found = format!("{} models that move", moving.len());
+        let at = moving.last().map_or(root.span, |model| model.span);
+        diagnostics.error(at, found, "one", "give each of them in a file of its own");
     }
-    let found = format!("{} models that move", moving.len());
-    let at = moving.last().map_or(root.span, |model| model.span);
-    diagnostics.error(at, found, "one", "give each of them in a file of its own");
-    None
+    moving.first().copied()
 }
 
-/// A number, which may be infinite as ±1e16 is.
+/// A number; without it, and of ±1e16 or more, the usual one.
 fn number(of: Option<&Element>, name: &str, usual: f64, diagnostics: &mut Diagnostics) -> f64 {
-    let Some(written) = of.and_then(|of| of.get(name)) else { return usual };
-    match written.value.trim().parse::<f64>() {
-        Ok(value) if value.abs() >= 1e16 => value * f64::INFINITY,
-        Ok(value) if value.is_finite() => value,
-        _ => {
-            let found = format!("`{name}` is {}", quoted(written.value.trim()));
-            diagnostics.error(written.span, found, number::expected(1), "correct the value");
-            usual
-        }
-    }
+    let written = of.and_then(|of| of.get(name));
+    let written = written.filter(|of| usual.is_finite() || !of.value.contains("inf"));
+    let found = written.and_then(|of| of.numbers(1, diagnostics)).map(|of| of[0]);
+    found.filter(|of| of.abs() < 1e16).unwrap_or(usual)
 }
 
 /// The pose of an element, and the element that holds it.
@@ -147,21 +136,13 @@ fn pose<'e>(of: &'e Element, diagnostics: &mut Diagnostics) -> (Pose, &'e Elemen
     (found.unwrap_or(Pose::NONE), of)
 }
 
-/// A link; its pose in the world.
-struct Link {
-    name: String,
-    span: Span,
-    at: Pose,
-    inertial: Option<Inertial>,
-}
-
 /// The parts of a model.
 struct Robot<'e, 'd> {
     frames: Vec<Frame>,
     /// Link and pose in the world of each frame.
     found: BTreeMap<String, (usize, Pose)>,
-    /// The first one is the world.
-    links: Vec<Link>,
+    /// With poses in the world, which is the first one.
+    links: Vec<Body>,
     /// With their scopes.
     joints: Vec<(&'e Element, String)>,
     /// The joints that plug-ins drive.
@@ -187,13 +168,8 @@ impl<'e> Robot<'e, '_> {
     /// Reads the parts of a model within an outer and with an inner scope.
     fn collect(&mut self, model: &'e Element, [outer, scope]: [&str; 2], base: &str) {
         let own = format!("{scope}{MODEL}");
-        let held = canonical(model, scope);
-        // a nested model stands for its frame
-        let name = scope.strip_suffix("::").unwrap_or(&own);
-        self.add(name.to_owned(), model, outer, [base, &held]);
-        if name != own {
-            self.frames.push(Frame::same(own.clone(), model.span, name));
-        }
+        let name = scope.strip_suffix("::").unwrap_or(&own).to_owned();
+        self.add(name, model, outer, [base, &canonical(model, scope)]);
         for part in &model.children {
             let whole = full(scope, part.text("name").unwrap_or_default());
             match part.name.as_str() {
@@ -233,8 +209,13 @@ impl<'e> Robot<'e, '_> {
         let usual = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
         let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
         let inertia = std::array::from_fn(|k| number(of, names[k], usual[k], self.diagnostics));
-        let inertial = Some(Inertial { origin, mass, inertia });
-        self.links.push(Link { name: name.to_owned(), span: link.span, at: Pose::NONE, inertial });
+        let mut body = Body::new(name.to_owned(), link.span, 0, Pose::NONE);
+        body.inertial = Some(Inertial { origin, mass, inertia });
+        self.links.push(body);
+    }
+
+    fn fault(&mut self, at: Span, found: String, expected: &str) {
+        self.diagnostics.error(at, found, expected, "correct it");
     }
 
     /// The joints that a controller drives.

@@ -31,14 +31,14 @@ impl Robot<'_, '_> {
         while let Some(at) = open.pop() {
             open.extend(&below[at]);
             let link = &self.links[at];
-            let inner = self.links[up(at)].at.inverse().then(link.at);
+            let inner = self.links[up(at)].pose.inverse().then(link.pose);
             let mut body = Body::new(link.name.clone(), link.span, bodies[up(at)], inner);
             body.inertial = link.inertial;
             bodies[at] = tree.bodies.len();
             tree.bodies.push(body);
             if let Some(j) = above[at] {
                 drafts[j].joints.iter().for_each(|of| {
-                    tree.add_joint(placed(of, drafts[j].at, link.at, bodies[at]));
+                    tree.add_joint(placed(of, drafts[j].at, link.pose, bodies[at]));
                 });
             } else if at > 0 {
                 let free = format!("{}/free", link.name);
@@ -63,8 +63,7 @@ impl Robot<'_, '_> {
             let found = tree.joint(leader).and_then(|j| tree.joints.get(j));
             if !found.is_some_and(|of| of.is_single() && of.held.is_none()) {
                 let found = format!("{} follows {}", quoted(&joint.name), quoted(leader));
-                let expected = "a joint of one axis in the tree";
-                self.diagnostics.error(joint.span, found, expected, "correct the name");
+                self.fault(joint.span, found, "a joint of one axis in the tree");
             }
         }
     }
@@ -85,7 +84,7 @@ impl Robot<'_, '_> {
             let help = "they are left out: limit another joint of its loop";
             self.diagnostics.warning(span, found, "none", help);
         }
-        let places = draft.ends.map(|link| self.links[link].at.inverse().then(draft.at));
+        let places = draft.ends.map(|link| self.links[link].pose.inverse().then(draft.at));
         let places = places.map(Pose::placement);
         let ends = draft.ends.map(|link| bodies[link]);
         Some(Cut { name: draft.name.clone(), span, bodies: ends, places, joint: draft.cut? })
