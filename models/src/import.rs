@@ -10,13 +10,13 @@ use crate::load::{Loaded, Options, load_contents};
 use crate::mjcf::{self, Converted};
 use crate::report::{Diagnostics, Report, Span};
 use crate::suggest::suggest_for;
-use crate::{sdf, text};
+use crate::{gepetto, sdf, text};
 
 /// Converts a file, of the given path and contents; `None` after an error.
 type Converter =
     fn(Option<&Path>, (&str, Vec<u8>), &[PathBuf], &mut Diagnostics) -> Option<Converted>;
 
-/// The converter of a text by its outermost element; `None` of URDF and others.
+/// The converter of a text by its outermost element or its keys; `None` of URDF and others.
 pub(crate) fn converter(bytes: &[u8]) -> Option<Converter> {
     let text = String::from_utf8_lossy(bytes);
     let mut rest = text.trim_start_matches('\u{feff}').trim_start();
@@ -26,7 +26,10 @@ pub(crate) fn converter(bytes: &[u8]) -> Option<Converter> {
     {
         rest = skipped.split_once(end)?.1.trim_start();
     }
-    let rest = rest.strip_prefix('<')?;
+    let Some(rest) = rest.strip_prefix('<') else {
+        let is_gepetto = text.lines().any(|line| line.starts_with("closed_loop:"));
+        return is_gepetto.then_some(gepetto::convert);
+    };
     match rest.split(|c: char| c.is_whitespace() || ">/".contains(c)).next()? {
         "mujoco" => Some(mjcf::convert),
         "sdf" => Some(sdf::convert),

@@ -74,6 +74,7 @@ mod cut;
 mod dimensions;
 mod error;
 mod export;
+mod gepetto;
 mod import;
 mod inertia;
 mod load;

@@ -150,7 +150,7 @@ pub(super) fn compiled(name: &str, of: &Description) -> Model {
 }
 
 /// M, bias forces and K, K̇ q̇ of two robots with the same joints, by name.
-fn same(name: &str, original: &Description, held: &Description, other: &Description) {
+pub(super) fn same(name: &str, original: &Description, held: &Description, other: &Description) {
     let model = compiled(name, original);
     let [ours, theirs] = [held, other].map(|of| compiled(name, &as_tree(of)));
     let [held, other] = [held, other].map(|of| compiled(name, of));

@@ -22,6 +22,7 @@ mod dimensions;
 mod export;
 mod fingerprints;
 mod gazebo;
+mod gepetto;
 mod hostile;
 mod loops;
 mod mjcf;
