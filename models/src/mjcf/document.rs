@@ -186,7 +186,7 @@ fn element<'t>(
     }
     for child in node.children().filter(Node::is_element) {
         let mut child = element(child, text, files, diagnostics);
-        if child.name == "include" {
+        if child.name == "include" && !is_sdf {
             read.children.extend(include(&child, files, diagnostics));
         } else if matches!(&child.attributes[..], [of] if of.name == child.name && is_sdf) {
             // one that is nothing but its value is an attribute

@@ -35,18 +35,12 @@ pub(super) fn full(scope: &str, name: &str) -> String {
 impl<'e> Robot<'e, '_> {
     /// Adds the frame of an element, with the frames that are its base by default and hold its
     /// link.
-    pub(super) fn add(
-        &mut self,
-        name: String,
-        of: &'e Element,
-        scope: &str,
-        [base, attached]: [&str; 2],
-    ) {
+    pub(super) fn add(&mut self, name: String, (of, scope): (&'e Element, &str), ends: [&str; 2]) {
         of.is_read.set(true);
         let (pose, at) = pose(of, self.diagnostics);
         let written = at.text("relative_to").or(at.text("frame")).filter(|of| !of.is_empty());
-        let base = written.map_or_else(|| base.to_owned(), |of| full(scope, of));
-        let attached = attached.to_owned();
+        let base = written.map_or_else(|| ends[0].to_owned(), |of| full(scope, of));
+        let attached = ends[1].to_owned();
         self.frames.push(Frame { name, span: of.span, pose, base, attached });
     }
 

@@ -169,23 +169,23 @@ impl<'e> Robot<'e, '_> {
     fn collect(&mut self, model: &'e Element, [outer, scope]: [&str; 2], base: &str) {
         let own = format!("{scope}{MODEL}");
         let name = scope.strip_suffix("::").unwrap_or(&own).to_owned();
-        self.add(name, model, outer, [base, &canonical(model, scope)]);
+        self.add(name, (model, outer), [base, &canonical(model, scope)]);
         for part in &model.children {
             let whole = full(scope, part.text("name").unwrap_or_default());
             match part.name.as_str() {
                 "link" => {
                     self.link(part, &whole);
-                    self.add(whole.clone(), part, scope, [&own, &whole]);
+                    self.add(whole.clone(), (part, scope), [&own, &whole]);
                 }
                 "joint" => {
                     let child = full(scope, part.text("child").unwrap_or_default());
-                    self.add(whole, part, scope, [&child, &child]);
+                    self.add(whole, (part, scope), [&child, &child]);
                     self.joints.push((part, scope.to_owned()));
                 }
                 "frame" => {
                     let attached = part.text("attached_to").filter(|of| !of.is_empty());
                     let attached = full(scope, attached.unwrap_or(MODEL));
-                    self.add(whole, part, scope, [&attached, &attached]);
+                    self.add(whole, (part, scope), [&attached, &attached]);
                 }
                 "model" => self.collect(part, [scope, &format!("{whole}::")], &own),
                 "plugin" => self.plugin(part, scope),

@@ -43,9 +43,8 @@ impl Robot<'_, '_> {
             } else if at > 0 {
                 let free = format!("{}/free", link.name);
                 let free = if n_free == 1 { "floating_base".to_owned() } else { free };
-                let found = format!("the link {} is free", quoted(&link.name));
-                let help = format!("the joint {} moves it", quoted(&free));
-                self.diagnostics.note(link.span, found, help);
+                let found = format!("the joint {} moves a free link", quoted(&free));
+                self.diagnostics.note(link.span, found, "fix it by a joint on the world");
                 let joint = Joint::new(free, link.span, Kind::Free);
                 tree.add_joint(Joint { body: bodies[at], ..joint });
             }

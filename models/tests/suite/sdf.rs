@@ -6,7 +6,10 @@ use std::path::Path;
 
 use sarrus_dynamics::description::{Description, Inertial, JointKind, Placement, Terms};
 use sarrus_dynamics::{Field, Model, Request};
-use sarrus_models::{Loaded, Options, Source, Target, as_tree, bundled, export, load};
+use sarrus_models::{
+    Imported, LoadError, Loaded, Options, Report, Source, Target, as_tree, bundled, export, import,
+    load,
+};
 use serde_json::Value;
 
 use super::export::{asked, compiled, file, imported, mjcf, order, robot, same_trees, size, state};
@@ -255,4 +258,238 @@ fn an_old_file_of_a_floating_robot_agrees_with_drake() {
 #[test]
 fn loops_agree_with_drakes_jacobians() {
     agrees("loops");
+}
+
+const MASS: &str = "<inertial><mass>1</mass></inertial>";
+const AXIS: &str = "<axis><xyz>0 0 1</xyz></axis>";
+
+/// A model of two links and a joint, with these parts in the joint and behind it.
+fn model(joint: &str, behind: &str) -> String {
+    format!(
+        "<sdf version=\"1.9\"><model name=\"m\"><link name=\"a\">{MASS}</link>\n<link \
+         name=\"b\">{MASS}</link><joint name=\"w\" type=\"fixed\"><parent>world</parent>\
+         <child>a</child></joint>\n<joint name=\"j\" {joint}</joint>\n{behind}</model></sdf>"
+    )
+}
+
+const HINGE: &str = "type=\"revolute\"><parent>a</parent><child>b</child>";
+
+fn read(text: &str, lenient: bool) -> Result<Imported, Report> {
+    let options = Options { lenient, ..Options::default() };
+    match import(Path::new("/nowhere/m.sdf"), Some(text.as_bytes().to_vec()), &[], &options) {
+        Ok(imported) => Ok(imported),
+        Err(LoadError::Faults(report)) => Err(report),
+        Err(other) => panic!("{other}"),
+    }
+}
+
+fn report(text: &str, lenient: bool) -> Report {
+    read(text, lenient).map_or_else(|report| report, |imported| imported.report)
+}
+
+#[test]
+fn a_part_of_sdf_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() {
+    let good = model(&format!("{HINGE}{AXIS}"), "");
+    let with = |from: &str, to: &str| {
+        assert!(good.contains(from), "{from}");
+        good.replacen(from, to, 1)
+    };
+    let second = "<joint name=\"k\" type=\"revolute\"><parent>a</parent><child>b</child><axis>\
+                  <xyz>0 0 1</xyz><dynamics><damping>1</damping></dynamics></axis></joint>";
+    let damped = AXIS.replace("</axis>", "<dynamics><damping>1</damping></dynamics></axis>");
+    for (text, words, line) in [
+        (
+            model(&HINGE.replace("revolute", "gearbox"), ""),
+            "the joint `j` of type `gearbox`, expected revolute",
+            3,
+        ),
+        (with("<link name=\"b\">", "<link name=\"b\"><gravity>0</gravity>"), "`gravity`", 2),
+        (with("<link name=\"b\">", "<link name=\"b\"><kinematic>1</kinematic>"), "`kinematic`", 2),
+        (
+            with(
+                "<link name=\"b\">",
+                "<link name=\"b\"><velocity_decay><linear>0.1</linear>\
+                 </velocity_decay>",
+            ),
+            "the attribute `linear` of `velocity_decay`",
+            2,
+        ),
+        (with("<inertial>", "<inertial auto=\"true\">"), "the attribute `auto`", 1),
+        (with("<inertial>", "<inertial><fluid_added_mass/>"), "`fluid_added_mass` is not read", 1),
+        (with("<inertial>", "<inertial><pose relative_to=\"b\">1 0 0 0 0 0</pose>"), "`pose`", 1),
+        (model(&format!("{HINGE}{AXIS}"), "<include><uri>x</uri></include>"), "`include`", 4),
+        (model(&format!("{HINGE}{AXIS}"), "<wobble>1</wobble>"), "`wobble`", 4),
+        (with("<axis>", "<axis>\n<wobble a=\"1\"/>"), "the element `wobble` is not read", 4),
+        (with("<model name=\"m\">", "<model name=\"m\" placement_frame=\"b\">"), "`placement_f", 1),
+        (
+            model(&format!("{HINGE}{damped}"), second),
+            "`k` closes a loop, and is more than a plain joint",
+            4,
+        ),
+        (
+            model(
+                &format!("{HINGE}{AXIS}"),
+                "<plugin name=\"JointController\"><joint_name>x\
+                  </joint_name></plugin>",
+            ),
+            "a plug-in drives `x`, which is no joint",
+            4,
+        ),
+    ] {
+        let [strict, lenient] = [false, true].map(|lenient| report(&text, lenient));
+        let has = |all: &[sarrus_models::Diagnostic]| {
+            all.iter().any(|of| of.to_string().contains(words) && of.line == line)
+        };
+        assert!(has(&strict.errors), "{words}: {strict}");
+        assert!(has(&lenient.warnings) && lenient.errors.is_empty(), "{words}: {lenient}");
+    }
+}
+
+#[test]
+fn a_faulty_file_of_sdf_is_refused_with_its_place() {
+    let hinge = |axis: &str| model(&format!("{HINGE}{axis}"), "");
+    let frame = |of: &str| model(&format!("{HINGE}{AXIS}"), of);
+    let two = "</model><model name=\"n\"><link name=\"c\"/>";
+    for (text, words, line) in [
+        (hinge(""), "the joint `j` has no `axis`", 3),
+        (hinge("<axis><xyz>0 0 0</xyz></axis>"), "the axis of the joint `j` is zero", 3),
+        (hinge("<axis><xyz>0 0</xyz></axis>"), "`xyz` of `axis` holds 2 numbers", 3),
+        (hinge("<axis><xyz expressed_in=\"c\">0 0 1</xyz></axis>"), "`c`, which has no place", 3),
+        (
+            hinge("<axis><xyz>0 0 1</xyz><limit><lower>1</lower><upper>0</upper></limit></axis>"),
+            "the limits of `j`, expected lower ≤ upper",
+            3,
+        ),
+        (
+            hinge("<axis><xyz>0 0 1</xyz><limit><lower>x</lower></limit></axis>"),
+            "`lower`: `x` is not a number",
+            3,
+        ),
+        (
+            hinge("<axis><xyz>0 0 1</xyz><mimic joint=\"x\"/></axis>"),
+            "`j` follows `x`, expected a joint of one axis in the tree",
+            3,
+        ),
+        (model(&HINGE.replace(">b<", ">a<"), ""), "the ends of the joint `j`", 3),
+        (model(&HINGE.replace(">b<", ">world<"), ""), "the ends of the joint `j`", 3),
+        (model(&HINGE.replace(">b<", ">x<"), ""), "the frame `j` is relative to none", 3),
+        (
+            model(&format!("{}{AXIS}", HINGE.replace("revolute", "screw")), ""),
+            "a screw without a pitch",
+            3,
+        ),
+        (frame("<frame name=\"f\"><pose relative_to=\"f\"/></frame>"), "`f` is relative to no", 4),
+        (frame("<frame name=\"f\"><pose>1 2 3</pose></frame>"), "numbers that are no pose", 4),
+        (frame("<frame name=\"f\"><pose degrees=\"x\"/></frame>"), "`degrees` of `pose` is `x`", 4),
+        (frame("<link name=\"b\"/>"), "a second frame is named `b`", 4),
+        (frame("<joint name=\"b\" type=\"ball\"><child>a</child></joint>"), "named `b`", 4),
+        (frame(two), "2 models that move", 4),
+        ("<sdf version=\"1.9\"/>".to_owned(), "0 models that move", 1),
+    ] {
+        let found = report(&text, true);
+        let is_it =
+            |of: &&sarrus_models::Diagnostic| of.to_string().contains(words) && of.line == line;
+        assert!(found.errors.iter().any(|of| is_it(&of)), "{words}: {found}");
+    }
+}
+
+#[test]
+fn harmless_parts_of_sdf_are_noted_and_gravity_is_told() {
+    let text = model(
+        &format!("{HINGE}{AXIS}<sensor name=\"s\"/><physics/>"),
+        "<self_collide>1</self_collide><plugin name=\"x\"/><link name=\"c\"/>",
+    );
+    let found = read(&text, false).unwrap();
+    assert!(found.report.errors.is_empty(), "{}", found.report);
+    let notes: Vec<&str> = found.report.notes.iter().map(|note| note.found.as_str()).collect();
+    for words in [
+        "the element `sensor` is not read",
+        "the element `physics` is not read",
+        "the element `plugin` is not read",
+        "`self_collide` of `model` is not read",
+        "the link `c` has no inertial",
+        "the joint `floating_base` moves a free link",
+        "the model has no actuators",
+    ] {
+        assert!(notes.contains(&words), "{words}: {notes:?}");
+    }
+    assert_eq!(found.independent.len(), 7);
+    for (world, words) in [
+        ("", "the gravity of a world is 0 0 -9.8 where its file has none"),
+        ("<gravity>0 0 -1.62</gravity>", "the gravity 0 0 -1.62, which is no part of a URDF"),
+    ] {
+        let text = text.replace("<model name", &format!("<world name=\"w\">{world}<model name"));
+        let found = report(&text.replace("</model>", "</model></world>"), false);
+        let all: Vec<&String> =
+            found.notes.iter().chain(&found.warnings).map(|of| &of.found).collect();
+        assert!(all.iter().any(|of| *of == words), "{words}: {all:?}");
+    }
+}
+
+#[test]
+fn joints_with_a_spring_or_a_range_are_in_the_tree_and_controllers_drive() {
+    let text = |parts: [&str; 3], plugin: &str| {
+        let [one, two, three] = parts.map(|part| format!("<axis><xyz>0 1 0</xyz>{part}</axis>"));
+        format!(
+            "<sdf version=\"1.9\"><model name=\"m\"><link name=\"a\">{MASS}</link><joint name=\"w\" \
+             type=\"fixed\"><parent>world</parent><child>a</child></joint><link name=\"b\">{MASS}\
+             </link><link name=\"c\"><pose>0.3 0 0.2 0 0 0</pose>{MASS}</link><link name=\"d\">\
+             <pose>0.3 0 0.5 0 0 0</pose>{MASS}</link><joint name=\"one\" type=\"revolute\"><parent>\
+             a</parent><child>b</child>{AXIS_Y}</joint><joint name=\"two\" type=\"revolute\"><pose>-0.2 0 0.1 0 0 0</pose>\
+             <parent>b</parent><child>d</child>{one}</joint><joint name=\"three\" \
+             type=\"revolute\"><parent>a</parent><child>c</child>{two}</joint><joint name=\"four\" \
+             type=\"revolute\"><parent>c</parent><child>d</child>{three}</joint>{plugin}</model></sdf>"
+        )
+    };
+    const AXIS_Y: &str = "<axis><xyz>0 1 0</xyz></axis>";
+    let spring = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>";
+    let range = "<limit><lower>-1</lower><upper>1</upper></limit>";
+    for (parts, cut) in [
+        (["", "", ""], "four"),
+        (["", "", range], "two"),
+        ([range, "", spring], "two"),
+        ([spring, "", range], "four"),
+    ] {
+        let found = read(&text(parts, ""), false).unwrap();
+        assert!(found.report.errors.is_empty(), "{}", found.report);
+        let yaml = String::from_utf8(found.submechanisms).unwrap();
+        assert!(yaml.contains(&format!("cut_joint: {cut}\n")), "{cut}: {yaml}");
+        let has_range = parts[if cut == "two" { 0 } else { 2 }] == range;
+        let warns = found.report.warnings.iter().any(|of| of.found.contains("has a range"));
+        assert_eq!(warns, has_range, "{cut}: {}", found.report);
+    }
+    let plugin = "<plugin name=\"gz::sim::systems::JointController\"><joint_name>three\
+                  </joint_name><p>1</p></plugin>";
+    let found = read(&text(["", "", ""], plugin), false).unwrap();
+    let yaml = String::from_utf8(found.submechanisms).unwrap();
+    assert!(yaml.contains("jointnames_active: [three]"), "{yaml}");
+    assert!(yaml.contains("jointnames_independent: [three]"), "{yaml}");
+}
+
+#[test]
+fn limits_couplings_and_drake_rotors_are_read() {
+    let axis = "<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><effort>5</effort><velocity>-1\
+                </velocity></limit></axis><rotor_inertia>0.002</rotor_inertia><gear_ratio>9\
+                </gear_ratio>";
+    let follower = "<link name=\"c\"/><joint name=\"k\" type=\"revolute\"><parent>b</parent><child>c\
+                    </child><axis><xyz>1 0 0</xyz><mimic joint=\"j\"><multiplier>2</multiplier>\
+                    <offset>0.5</offset><reference>0.1</reference></mimic></axis></joint>";
+    let text = model(&format!("{HINGE}{axis}"), follower);
+    let found = read(&text, false).unwrap();
+    assert!(found.report.errors.is_empty(), "{}", found.report);
+    let source = Source::Text { urdf: text.into_bytes(), submechanisms: None };
+    let loaded = load(&source, &Options::default()).unwrap();
+    let joint = |name: &str| {
+        loaded.description.joints.iter().find(|joint| joint.name == name).unwrap().clone()
+    };
+    let limits = joint("j").limits.unwrap();
+    let none = f64::INFINITY;
+    assert_eq!(
+        [limits.lower, limits.upper, limits.effort, limits.velocity],
+        [-1.0, none, 5.0, none]
+    );
+    assert_eq!([joint("j").terms.rotor_inertia, joint("j").terms.gear_ratio], [0.002, 9.0]);
+    let coupling = joint("k").coupling.unwrap();
+    assert_eq!(coupling.terms[0].1, 2.0);
+    assert!((coupling.offset - 0.3).abs() < 1e-15);
 }
