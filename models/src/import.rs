@@ -57,7 +57,7 @@ pub struct Imported {
     pub keyframe: Option<(String, AssemblyReport)>,
 }
 
-/// Converts a robot of MJCF or SDF, or a URDF with the loops of some dialect; `expanded` stands for the
+/// Converts a robot of MJCF, SDF or Gepetto's tools, or a URDF with the loops of some dialect; `expanded` stands for the
 /// file's text. Files that it names are read below its folder or a folder of `include`.
 ///
 /// # Errors

@@ -21,9 +21,10 @@ pub enum Source {
     /// One of [`crate::bundled`], by name.
     Bundled(String),
     /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
-    /// moving joint is independent and active. A file of MJCF or SDF has both, and is converted.
+    /// moving joint is independent and active. A file of MJCF or SDF has both, as
+    /// YAML of Gepetto's tools with the URDF beside it; they are converted.
     Files {
-        /// URDF, SMURF, MJCF or SDF.
+        /// URDF, SMURF, MJCF, SDF or YAML of Gepetto's tools.
         urdf: PathBuf,
         /// Submechanism YAML.
         submechanisms: Option<PathBuf>,
