@@ -7,7 +7,7 @@ use super::document::Element;
 use crate::report::{Diagnostics, Span, quoted};
 
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
-/// actuators; `*` for the whole element with all that it holds, `=` for an attribute of one value.
+/// actuators; `*` before whole elements with all that they hold, `=` for an attribute of one value.
 pub(crate) const HARMLESS: &str = "
     *: camera contact custom cylinder damper default general geom hfield intvelocity keyframe key
     *: lengthrange light material mesh motor muscle position sensor site size skin spatial
@@ -35,12 +35,7 @@ pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &m
     let lines = harmless.lines().filter_map(|line| line.trim().split_once(':'));
     let mut harmless: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (tag, attributes) in lines {
-        match tag {
-            "*" => attributes.split_whitespace().for_each(|of| {
-                harmless.insert(of, vec!["*"]);
-            }),
-            _ => harmless.entry(tag).or_default().extend(attributes.split_whitespace()),
-        }
+        harmless.entry(tag).or_default().extend(attributes.split_whitespace());
     }
     let mut found = BTreeMap::new();
     visit(root, (&harmless, help), &mut found, diagnostics);
@@ -65,7 +60,7 @@ fn visit<'e>(
 ) {
     let tag = element.name.as_str();
     let known = harmless.get(tag).map_or(&[][..], Vec::as_slice);
-    let is_harmless = known == ["*"];
+    let is_harmless = harmless.get("*").is_some_and(|whole| whole.contains(&tag));
     if !element.is_read.get() {
         if is_harmless {
             found.entry((tag, "")).or_insert((element.span, 0)).1 += 1;
