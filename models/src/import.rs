@@ -57,8 +57,9 @@ pub struct Imported {
     pub keyframe: Option<(String, AssemblyReport)>,
 }
 
-/// Converts a robot of MJCF, SDF or Gepetto's tools, or a URDF with the loops of some dialect; `expanded` stands for the
-/// file's text. Files that it names are read below its folder or a folder of `include`.
+/// Converts a robot of MJCF, SDF or Gepetto's tools, or a URDF with the loops of some dialect;
+/// `expanded` stands for the file's text. Files that it names are read below its folder or a folder
+/// of `include`.
 ///
 /// # Errors
 /// Files that cannot be read, and parts that cannot be expressed; the report then has the notes
@@ -93,8 +94,8 @@ pub fn import(
     Ok(Imported { name, urdf, submechanisms, report, residual, independent, keyframe })
 }
 
-/// The contents of a format that is converted, of a file or a text, with the given submechanisms in place of its own;
-/// `None` after an error.
+/// The contents of a format that is converted, of a file or a text, with the given submechanisms
+/// in place of its own; `None` after an error.
 pub(crate) fn contents(
     path: Option<&Path>,
     (file, bytes): (String, Vec<u8>),

@@ -151,7 +151,6 @@ impl<'e> Robot<'e, '_> {
             // of Drake
             rotor_inertia: value(Some(joint), "rotor_inertia", 0.0),
             gear_ratio: value(Some(joint), "gear_ratio", 1.0),
-            ..Terms::default()
         };
         // factor (leader − reference) + offset
         let coupling = of.one("mimic").map(|of| {

@@ -119,7 +119,8 @@ class Model:
             i = self.plant.GetBodyByName(self.floating).floating_positions_start()
             start = RigidTransform(Quaternion(self.start[i : i + 4]), self.start[i + 4 : i + 7])
             own = start @ RigidTransform(Quaternion(x[[6, 3, 4, 5]]), x[:3])
-            at[i : i + 7] = np.concatenate([own.rotation().ToQuaternion().wxyz(), own.translation()])
+            turn = own.rotation().ToQuaternion().wxyz()
+            at[i : i + 7] = np.concatenate([turn, own.translation()])
             j = self.plant.GetBodyByName(self.floating).floating_velocities_start_in_v()
             R = own.rotation().matrix()
             S[j : j + 3, :3] = S[j + 3 : j + 6, 3:6] = R
