@@ -51,7 +51,7 @@ pub(crate) fn convert(
         };
         let [a, b] = [0, 1].map(|k| escaped(ends[k]));
         added += &format!(
-            "<loop name=\"{a}\" type=\"{kind}\"><predecessor link=\"{a}\"/>\
+            "<loop name=\"{a}_{b}\" type=\"{kind}\"><predecessor link=\"{a}\"/>\
              <successor link=\"{b}\"/></loop>\n"
         );
     }

@@ -54,7 +54,7 @@ pub(crate) fn convert(
     root.is_read.set(true);
     let minor = root.text("version").and_then(|of| of.split('.').nth(1)?.parse::<u32>().ok());
     let model = model(&root, diagnostics)?;
-    let name = model.text("name").unwrap_or_default().to_owned();
+    let name = model.text("name").filter(|of| !of.is_empty()).unwrap_or("robot").to_owned();
     let mut robot = Robot {
         frames: Vec::new(),
         found: BTreeMap::new(),

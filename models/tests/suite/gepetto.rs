@@ -74,7 +74,7 @@ fn faults_of_the_files_of_gepetto_are_named() {
             "a joint of another type, expected SPHERICAL",
         ),
         ("s.yaml", "closed_loop: []\n", "s.urdf` cannot be opened"),
-        ("r.yaml", "closed_loop: [[a, c]]\ntype: [3d]\n", "the loop `a` names the link `c`"),
+        ("r.yaml", "closed_loop: [[a, c]]\ntype: [3d]\n", "the loop `a_c` names the link `c`"),
     ] {
         let found = words(file, yaml);
         assert!(found.contains(expected), "{yaml}: {found}");
