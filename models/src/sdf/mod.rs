@@ -81,6 +81,7 @@ pub(crate) fn convert(
 fn model<'e>(root: &'e Element, diagnostics: &mut Diagnostics) -> Option<&'e Element> {
     let worlds: Vec<&Element> = root.all("world").collect();
     for world in worlds.iter().map(|world| Item::plain(world)) {
+        world.get("name");
         compiler::gravity(&world, diagnostics);
         if !world.has("gravity") {
             let found = "the gravity of a world is 0 0 -9.8 where its file has none";
