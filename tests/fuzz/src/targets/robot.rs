@@ -290,7 +290,11 @@ pub(super) const GEPETTO: Target = Target {
             };
             write(&yaml, text)?;
             write(&yaml.with_extension("urdf"), urdf)?;
-            converted(&yaml, None)
+            let outcome = converted(&yaml, None);
+            for path in [&yaml, &yaml.with_extension("urdf")] {
+                std::fs::remove_file(path).map_err(|error| error.to_string())?;
+            }
+            outcome
         });
         Ok(check)
     },
