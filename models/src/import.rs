@@ -10,7 +10,32 @@ use crate::load::{Loaded, Options, load_contents};
 use crate::mjcf::{self, Converted};
 use crate::report::{Diagnostics, Report, Span};
 use crate::suggest::suggest_for;
-use crate::text;
+use crate::{gepetto, sdf, text};
+
+/// Converts a file, of the given path and contents; `None` after an error.
+type Converter =
+    fn(Option<&Path>, (&str, Vec<u8>), &[PathBuf], &mut Diagnostics) -> Option<Converted>;
+
+/// The converter of a text by its outermost element or its keys; `None` of URDF and others.
+pub(crate) fn converter(bytes: &[u8]) -> Option<Converter> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    while let Some((end, skipped)) = [("<!--", "-->"), ("<?", "?>")]
+        .iter()
+        .find_map(|(start, end)| Some((end, rest.strip_prefix(start)?)))
+    {
+        rest = skipped.split_once(end)?.1.trim_start();
+    }
+    let Some(rest) = rest.strip_prefix('<') else {
+        let is_gepetto = text.lines().any(|line| line.starts_with("closed_loop:"));
+        return is_gepetto.then_some(gepetto::convert);
+    };
+    match rest.split(|c: char| c.is_whitespace() || ">/".contains(c)).next()? {
+        "mujoco" => Some(mjcf::convert),
+        "sdf" => Some(sdf::convert),
+        _ => None,
+    }
+}
 
 /// A robot of another format.
 #[derive(Debug)]
@@ -32,8 +57,9 @@ pub struct Imported {
     pub keyframe: Option<(String, AssemblyReport)>,
 }
 
-/// Converts a robot of MJCF, or a URDF with the loops of some dialect; `expanded` stands for the
-/// file's text. Files that it names are read below its folder or a folder of `include`.
+/// Converts a robot of MJCF, SDF or Gepetto's tools, or a URDF with the loops of some dialect;
+/// `expanded` stands for the file's text. Files that it names are read below its folder or a folder
+/// of `include`.
 ///
 /// # Errors
 /// Files that cannot be read, and parts that cannot be expressed; the report then has the notes
@@ -49,9 +75,9 @@ pub fn import(
         None => text::read(path)?,
     };
     let mut diagnostics = Diagnostics::new(options.lenient);
-    let made = match mjcf::is_mjcf(&bytes) {
-        true => of_mjcf(Some(path), (&file, bytes), include, options, &mut diagnostics),
-        false => Some(of_urdf(file, bytes, options)?),
+    let made = match converter(&bytes) {
+        Some(_) => converted(Some(path), (&file, bytes), include, options, &mut diagnostics),
+        None => Some(of_urdf(file, bytes, options)?),
     };
     let Some(Made { name, contents, residual, keyframe }) = made else {
         return Err(LoadError::Faults(diagnostics.into_report()));
@@ -68,8 +94,8 @@ pub fn import(
     Ok(Imported { name, urdf, submechanisms, report, residual, independent, keyframe })
 }
 
-/// The contents of MJCF, of a file or a text, with the given submechanisms in place of its own;
-/// `None` after an error.
+/// The contents of a format that is converted, of a file or a text, with the given submechanisms
+/// in place of its own; `None` after an error.
 pub(crate) fn contents(
     path: Option<&Path>,
     (file, bytes): (String, Vec<u8>),
@@ -77,7 +103,7 @@ pub(crate) fn contents(
     diagnostics: &mut Diagnostics,
 ) -> Option<Contents> {
     let options = Options { lenient: diagnostics.lenient, ..Options::default() };
-    let Made { mut contents, .. } = of_mjcf(path, (&file, bytes), &[], &options, diagnostics)?;
+    let Made { mut contents, .. } = converted(path, (&file, bytes), &[], &options, diagnostics)?;
     contents.submechanisms = given.or(contents.submechanisms);
     Some(contents)
 }
@@ -101,15 +127,16 @@ fn of_urdf(file: String, bytes: Vec<u8>, options: &Options) -> Result<Made, Load
 
 /// The files of a model: independent joints by the rule of [`crate::suggest`], and the nearest
 /// closed pose as the zero pose where the file's is open.
-fn of_mjcf(
+fn converted(
     path: Option<&Path>,
     named: (&str, Vec<u8>),
     include: &[PathBuf],
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Option<Made> {
-    let converted = mjcf::convert(path, named, include, diagnostics)?;
-    let Converted { name, urdf, submechanisms, pose, is_driven } = converted;
+    let convert = converter(&named.1)?;
+    let Converted { name, urdf, submechanisms, pose, is_driven } =
+        convert(path, named, include, diagnostics)?;
     let mut contents = Contents {
         urdf: (format!("{name}.urdf"), urdf.into_bytes()),
         submechanisms: Some((format!("{name}.yml"), submechanisms.into_bytes())),

@@ -1,5 +1,5 @@
 //! Turns robot files into checked descriptions: URDF for the spanning tree, submechanism YAML for
-//! the loops, or MJCF for both; [`export()`] writes a robot for other programs. Contains 28
+//! the loops, or MJCF or SDF for both; [`export()`] writes a robot for other programs. Contains 28
 //! bundled robots.
 //!
 //! ```
@@ -48,7 +48,8 @@
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
 //!   offset/></joint>`, as couplings.
-//! - A SMURF file in place of the URDF, or a file of MJCF, which [`import`] converts.
+//! - A SMURF file in place of the URDF, or a file of MJCF, SDF or Gepetto's tools, which [`import`]
+//!   converts.
 //!
 //! Without a submechanism file every moving joint is independent and active in the order of the
 //! URDF; floating joints are not active, joints with `<mimic>` follow. The same holds for joints
@@ -74,6 +75,7 @@ mod cut;
 mod dimensions;
 mod error;
 mod export;
+mod gepetto;
 mod import;
 mod inertia;
 mod load;
@@ -87,6 +89,7 @@ mod report;
 mod rewrite;
 mod rotation;
 mod scene;
+mod sdf;
 mod smurf;
 mod source;
 mod submechanisms;

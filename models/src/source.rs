@@ -12,7 +12,7 @@ use crate::open::{Opened, open_contents};
 use crate::report::Diagnostics;
 use crate::rewrite::{NewZero, Rewritten};
 use crate::suggest::{Suggestion, suggest_for};
-use crate::{bundled, import, mjcf, smurf, text};
+use crate::{bundled, import, smurf, text};
 
 /// The source of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,16 +21,17 @@ pub enum Source {
     /// One of [`crate::bundled`], by name.
     Bundled(String),
     /// Files: a URDF, or a SMURF file that names one, and the submechanisms. Without these every
-    /// moving joint is independent and active. A file of MJCF has both, and is converted.
+    /// moving joint is independent and active. A file of MJCF or SDF has both, as
+    /// YAML of Gepetto's tools with the URDF beside it; they are converted.
     Files {
-        /// URDF, SMURF or MJCF.
+        /// URDF, SMURF, MJCF, SDF or YAML of Gepetto's tools.
         urdf: PathBuf,
         /// Submechanism YAML.
         submechanisms: Option<PathBuf>,
     },
     /// The contents of files.
     Text {
-        /// URDF or MJCF.
+        /// URDF, MJCF or SDF.
         urdf: Vec<u8>,
         /// Submechanism YAML.
         submechanisms: Option<Vec<u8>>,
@@ -147,28 +148,27 @@ pub(crate) fn contents(
     source: &Source,
     diagnostics: &mut Diagnostics,
 ) -> Result<Option<Contents>, LoadError> {
-    match source {
-        Source::Bundled(name) => bundled_contents(name).map(Some),
+    let (path, urdf, submechanisms) = match source {
+        Source::Bundled(name) => return bundled_contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {
-            smurf::contents(urdf, submechanisms.as_deref(), diagnostics)
+            return smurf::contents(urdf, submechanisms.as_deref(), diagnostics);
         }
         Source::Files { urdf, submechanisms } => {
-            let folder = submechanisms.as_deref().and_then(Path::parent).map(Path::to_owned);
             let submechanisms = submechanisms.as_deref().map(text::read).transpose()?;
-            let read = text::read(urdf)?;
-            if mjcf::is_mjcf(&read.1) {
-                return Ok(import::contents(Some(urdf), read, submechanisms, diagnostics));
-            }
-            Ok(Some(Contents { urdf: read, submechanisms, folder }))
+            (Some(urdf.as_path()), text::read(urdf)?, submechanisms)
         }
         Source::Text { urdf, submechanisms } => {
-            let read = ("robot.urdf".to_owned(), urdf.clone());
-            let submechanisms =
-                submechanisms.clone().map(|bytes| ("submechanisms.yml".to_owned(), bytes));
-            if mjcf::is_mjcf(urdf) {
-                return Ok(import::contents(None, read, submechanisms, diagnostics));
-            }
-            Ok(Some(Contents { urdf: read, submechanisms, folder: None }))
+            let named = |bytes: &Vec<u8>| ("submechanisms.yml".to_owned(), bytes.clone());
+            let urdf = ("robot.urdf".to_owned(), urdf.clone());
+            (None, urdf, submechanisms.as_ref().map(named))
         }
+    };
+    if import::converter(&urdf.1).is_some() {
+        return Ok(import::contents(path, urdf, submechanisms, diagnostics));
     }
+    let folder = match source {
+        Source::Files { submechanisms: Some(path), .. } => path.parent().map(Path::to_owned),
+        _ => None,
+    };
+    Ok(Some(Contents { urdf, submechanisms, folder }))
 }

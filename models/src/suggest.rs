@@ -91,7 +91,7 @@ pub(crate) fn suggest_for(
     };
     let files = Files { contents, options };
     add_tied(&mut drafts, &urdf);
-    add_rest(&mut drafts, &robot);
+    add_rest(&mut drafts, &robot, &urdf.actuated);
     drafts.iter_mut().for_each(|draft| draft.relax(&robot));
 
     // types that define their own loops use their order; independents of the others are found
@@ -218,7 +218,7 @@ fn add_tied(drafts: &mut Vec<Draft>, urdf: &Urdf) {
 }
 
 /// Joints in no submechanism: those that move bodies of a loop belong to it, the others are serial.
-fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
+fn add_rest(drafts: &mut Vec<Draft>, robot: &Description, actuated: &BTreeSet<String>) {
     let is_listed = |drafts: &[Draft], joint: &Joint| {
         drafts.iter().any(|draft| draft.tree.contains(&joint.name))
     };
@@ -230,8 +230,11 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
     if rest.is_empty() {
         return;
     }
-    let is_single =
-        |joint: &&Joint| !matches!(joint.kind, JointKind::Floating | JointKind::Spherical);
+    // without an actuator in the file all are driven
+    let is_driven = |joint: &&Joint| {
+        !matches!(joint.kind, JointKind::Floating | JointKind::Spherical)
+            && (actuated.is_empty() || actuated.contains(&joint.name))
+    };
     let names = |of: &[&Joint]| of.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
     let free: Vec<&Joint> = rest.iter().copied().filter(|joint| joint.coupling.is_none()).collect();
     drafts.push(Draft {
@@ -239,7 +242,7 @@ fn add_rest(drafts: &mut Vec<Draft>, robot: &Description) {
         type_name: "SERIAL".to_owned(),
         tree: names(&rest),
         independent: names(&free),
-        active: names(&free.into_iter().filter(is_single).collect::<Vec<_>>()),
+        active: names(&free.into_iter().filter(is_driven).collect::<Vec<_>>()),
         ..Draft::default()
     });
 }

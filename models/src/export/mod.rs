@@ -80,6 +80,9 @@ pub fn export(
             part.loops = loops_of(&loaded.description, s);
         }
     }
+    if target == Target::Sdf {
+        sdf::rename(&mut of);
+    }
     let mut out = Out { loaded, diagnostics, name, robot: Tree::new(&of) };
     out.check(target);
     let is_cut_as_written = matches!(target, Target::Urdf | Target::Sdf);

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use sarrus_dynamics::Site;
-use sarrus_dynamics::description::{Joint, JointKind, Loop};
+use sarrus_dynamics::description::{Description, Joint, JointKind, Loop};
 
 use super::cuts::{Kind, held};
 use super::urdf::escaped;
-use super::{Out, inertial, list};
+use super::{Out, has_terms, inertial, list};
 use crate::pose::{Pose, unit};
 use crate::report::quoted;
 use crate::rewrite::number;
@@ -25,6 +25,22 @@ const HEAD: &str = r#"<sdf version="1.11">
 /// A link without mass.
 const MASSLESS: &str = "        <inertial><mass>1e-12</mass><inertia><ixx>1e-12</ixx>\
                         <iyy>1e-12</iyy><izz>1e-12</izz></inertia></inertial>\n";
+
+/// The plug-in that applies a force to a joint.
+const FORCE: &str = "      <plugin filename=\"gz-sim-apply-joint-force-system\" \
+                     name=\"gz::sim::systems::ApplyJointForce\">";
+
+/// Gives each joint a name that no link has.
+pub(super) fn rename(of: &mut Description) {
+    for j in 0..of.joints.len() {
+        let taken = of.links.iter().map(|of| &of.name);
+        let taken = taken.chain(of.joints[..j].iter().map(|of| &of.name));
+        let taken: Vec<String> = taken.cloned().collect();
+        while taken.contains(&of.joints[j].name) {
+            of.joints[j].name.push_str("_joint");
+        }
+    }
+}
 
 /// The world with its model.
 pub(super) fn text(out: &mut Out<'_>) -> String {
@@ -51,6 +67,17 @@ pub(super) fn text(out: &mut Out<'_>) -> String {
         for (l, each) in part.loops.iter().enumerate() {
             text += &of_loop(out, (s, l), &format!("{}/{}", part.name, each.name), each);
         }
+    }
+    for (j, joint) in out.loaded.description.joints.iter().enumerate() {
+        let name = &of.joints[j].name;
+        if *name != joint.name {
+            let found = format!("the joint {} is {} there", quoted(&joint.name), quoted(name));
+            out.note(Site::Joint(j), found, "a link has its name");
+        }
+    }
+    for joint in out.robot.active() {
+        let name = escaped(&joint.name);
+        let _ = writeln!(text, "{FORCE}\n        <joint_name>{name}</joint_name>\n      </plugin>");
     }
     text + "    </model>\n  </world>\n</sdf>\n"
 }
@@ -143,6 +170,10 @@ fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
         _ => "revolute",
     };
     let terms = joint.terms;
+    if kind == "ball" && has_terms(joint) {
+        let found = format!("the ball joint {} has a spring or a damper", quoted(&joint.name));
+        out.lost(Site::Joint(j), found, "none of them", "choose the target mjcf");
+    }
     if terms.rotor_inertia != 0.0 {
         let found = format!("the rotor of {}", quoted(&joint.name));
         let help = "write it as a body, or choose the target mjcf";

@@ -19,7 +19,7 @@ const MOST_PARTS: usize = 10_000;
 
 /// The motion of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Hinge,
     Slide,
     Ball,
@@ -27,49 +27,71 @@ pub(super) enum Kind {
 }
 
 /// A joint; its coordinate is zero in the file's pose, MuJoCo's is `reference` there.
-pub(super) struct Joint {
-    pub(super) name: String,
-    pub(super) span: Span,
-    pub(super) body: usize,
-    pub(super) kind: Kind,
+#[derive(Clone)]
+pub(crate) struct Joint {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) body: usize,
+    pub(crate) kind: Kind,
     /// Anchor and unit axis {body}.
-    pub(super) pos: [f64; 3],
-    pub(super) axis: [f64; 3],
-    pub(super) reference: f64,
-    pub(super) range: Option<[f64; 2]>,
-    pub(super) effort: f64,
-    pub(super) terms: Terms,
+    pub(crate) pos: [f64; 3],
+    pub(crate) axis: [f64; 3],
+    pub(crate) reference: f64,
+    pub(crate) range: Option<[f64; 2]>,
+    pub(crate) effort: f64,
+    pub(crate) velocity: f64,
+    pub(crate) terms: Terms,
     /// The joints that it follows, and the offset.
-    pub(super) coupling: Option<(Vec<(String, f64)>, f64)>,
+    pub(crate) coupling: Option<(Vec<(String, f64)>, f64)>,
     /// Where an equality holds it.
-    pub(super) held: Option<f64>,
+    pub(crate) held: Option<f64>,
     /// The sum of its actuators' largest forces; `None` where it is not driven.
-    pub(super) drive: Option<f64>,
+    pub(crate) drive: Option<f64>,
 }
 
 /// A body.
-pub(super) struct Body {
-    pub(super) name: String,
-    span: Span,
-    pub(super) parent: usize,
+pub(crate) struct Body {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) parent: usize,
     /// In the parent's frame, in the file's pose.
-    pub(super) pose: Pose,
+    pub(crate) pose: Pose,
     /// Indices of its joints, in the order in which they act.
-    pub(super) joints: Vec<usize>,
-    pub(super) inertial: Option<Inertial>,
+    pub(crate) joints: Vec<usize>,
+    pub(crate) inertial: Option<Inertial>,
     explicit: Option<Inertial>,
     parts: Vec<Part>,
 }
 
 impl Joint {
+    /// A joint in the origin of the world along z, free of all else.
+    pub(crate) fn new(name: String, span: Span, kind: Kind) -> Joint {
+        Joint {
+            name,
+            span,
+            body: 0,
+            kind,
+            pos: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            reference: 0.0,
+            range: None,
+            effort: f64::INFINITY,
+            velocity: f64::INFINITY,
+            terms: Terms::default(),
+            coupling: None,
+            held: None,
+            drive: None,
+        }
+    }
+
     /// Whether it has one coordinate.
-    pub(super) fn is_single(&self) -> bool {
+    pub(crate) fn is_single(&self) -> bool {
         matches!(self.kind, Kind::Hinge | Kind::Slide)
     }
 }
 
 impl Body {
-    fn new(name: String, span: Span, parent: usize, pose: Pose) -> Body {
+    pub(crate) fn new(name: String, span: Span, parent: usize, pose: Pose) -> Body {
         Body {
             name,
             span,
@@ -84,24 +106,24 @@ impl Body {
 }
 
 /// The bodies of a model; the first one is the world.
-pub(super) struct Tree {
-    pub(super) bodies: Vec<Body>,
-    pub(super) joints: Vec<Joint>,
+pub(crate) struct Tree {
+    pub(crate) bodies: Vec<Body>,
+    pub(crate) joints: Vec<Joint>,
     /// Body and pose of each site.
-    pub(super) sites: BTreeMap<String, (usize, Pose)>,
+    pub(crate) sites: BTreeMap<String, (usize, Pose)>,
 }
 
 impl Tree {
-    pub(super) fn body(&self, name: &str) -> Option<usize> {
+    pub(crate) fn body(&self, name: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.name == name)
     }
 
-    pub(super) fn joint(&self, name: &str) -> Option<usize> {
+    pub(crate) fn joint(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
     /// The moving joints between two bodies.
-    pub(super) fn between(&self, bodies: [usize; 2]) -> Vec<usize> {
+    pub(crate) fn between(&self, bodies: [usize; 2]) -> Vec<usize> {
         let chains = bodies.map(|mut body| {
             let mut chain = vec![body];
             while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
@@ -120,7 +142,7 @@ impl Tree {
     }
 
     /// A body on the world without mass.
-    pub(super) fn add_body(&mut self, name: String, span: Span) -> usize {
+    pub(crate) fn add_body(&mut self, name: String, span: Span) -> usize {
         self.bodies.push(Body::new(name, span, 0, Pose::NONE));
         self.bodies.len() - 1
     }
@@ -137,7 +159,7 @@ impl Tree {
     }
 
     /// A joint of its body, behind the others.
-    pub(super) fn add_joint(&mut self, joint: Joint) {
+    pub(crate) fn add_joint(&mut self, joint: Joint) {
         if let Some(body) = self.bodies.get_mut(joint.body) {
             body.joints.push(self.joints.len());
         }
@@ -145,7 +167,7 @@ impl Tree {
     }
 
     /// The pose of a body in the world, in the file's pose.
-    pub(super) fn pose(&self, body: usize) -> Pose {
+    pub(crate) fn pose(&self, body: usize) -> Pose {
         let mut pose = Pose::NONE;
         let mut body = body;
         while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
@@ -365,19 +387,14 @@ impl<'e, 'd> Walk<'e, 'd> {
             ..Terms::default()
         };
         let joint = Joint {
-            span: item.span(),
             body: place.body,
-            kind,
             pos: if kind == Kind::Free { [0.0; 3] } else { place.frame.apply(pos) },
             axis: rotated(place.frame.r, axis.unwrap_or([0.0, 0.0, 1.0])),
             reference: if kind == Kind::Ball { 0.0 } else { reference },
             range,
             effort: effort.map_or(f64::INFINITY, largest),
             terms,
-            coupling: None,
-            held: None,
-            drive: None,
-            name,
+            ..Joint::new(name, item.span(), kind)
         };
         self.check_joint(&item, &joint);
         self.tree.add_joint(joint);
@@ -486,6 +503,6 @@ impl<'e, 'd> Walk<'e, 'd> {
 }
 
 /// The largest size in a range.
-pub(super) fn largest(range: [f64; 2]) -> f64 {
+pub(crate) fn largest(range: [f64; 2]) -> f64 {
     range[0].abs().max(range[1].abs())
 }

@@ -134,16 +134,21 @@ impl Compiler {
     }
 }
 
+/// Reports gravity that files do not hold.
+pub(crate) fn gravity(item: &Item<'_>, diagnostics: &mut Diagnostics) {
+    let gravity = item.numbers::<3>("gravity", diagnostics);
+    if let Some([x, y, z]) = gravity.filter(|gravity| *gravity != [0.0, 0.0, -9.81]) {
+        let found = format!("the gravity {x} {y} {z}, which is no part of a URDF");
+        let help = format!("give it as --gravity={x},{y},{z}");
+        diagnostics.warning(item.at("gravity"), found, "0 0 -9.81", help);
+    }
+}
+
 /// Gravity that files do not hold; a value of each effect that is not zero is reported.
 pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> Flags {
     let mut flags = Flags { equality: true };
     for option in root.all("option").map(Item::plain) {
-        let gravity = option.numbers::<3>("gravity", diagnostics);
-        if let Some([x, y, z]) = gravity.filter(|gravity| *gravity != [0.0, 0.0, -9.81]) {
-            let found = format!("the gravity {x} {y} {z}, which is no part of a URDF");
-            let help = format!("give it as --gravity={x},{y},{z}");
-            diagnostics.warning(option.at("gravity"), found, "0 0 -9.81", help);
-        }
+        gravity(&option, diagnostics);
         for name in ["wind", "density", "viscosity"] {
             let numbers = option.list(name, 3, diagnostics).unwrap_or_default();
             if name != "wind" && numbers.iter().any(|of| *of != 0.0) {

@@ -15,44 +15,49 @@ use crate::urdf::parse;
 const MOST_FILES: usize = 256;
 
 /// An element.
-pub(super) struct Element {
-    pub(super) name: String,
-    pub(super) span: Span,
-    pub(super) attributes: Vec<Attribute>,
-    pub(super) children: Vec<Element>,
+pub(crate) struct Element {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) attributes: Vec<Attribute>,
+    pub(crate) children: Vec<Element>,
     /// Whether the conversion has read it.
-    pub(super) is_read: Cell<bool>,
+    pub(crate) is_read: Cell<bool>,
 }
 
 /// An attribute.
-pub(super) struct Attribute {
-    pub(super) name: String,
-    pub(super) value: String,
-    pub(super) span: Span,
-    pub(super) is_read: Cell<bool>,
+pub(crate) struct Attribute {
+    pub(crate) name: String,
+    pub(crate) value: String,
+    pub(crate) span: Span,
+    pub(crate) is_read: Cell<bool>,
 }
 
 impl Element {
     /// The value of an attribute, which is then read.
-    pub(super) fn get(&self, name: &str) -> Option<&Attribute> {
+    pub(crate) fn get(&self, name: &str) -> Option<&Attribute> {
         let found = self.attributes.iter().find(|of| of.name == name)?;
         found.is_read.set(true);
         Some(found)
     }
 
     /// The text of an attribute.
-    pub(super) fn text(&self, name: &str) -> Option<&str> {
+    pub(crate) fn text(&self, name: &str) -> Option<&str> {
         self.get(name).map(|of| of.value.trim())
     }
 
     /// The children of a name, which are then read.
-    pub(super) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
+    pub(crate) fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
         let is_it = move |child: &&Element| child.name == name;
         self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
     }
 
+    /// The first child of a name, which is then read.
+    pub(crate) fn one(&self, name: &str) -> Option<&Element> {
+        self.children.iter().find(|of| of.name == name).inspect(|of| of.is_read.set(true))
+    }
+
     /// Marks the element, its attributes and all that it holds as read.
-    pub(super) fn read_all(&self) {
+    pub(crate) fn read_all(&self) {
         self.is_read.set(true);
         self.attributes.iter().for_each(|of| of.is_read.set(true));
         self.children.iter().for_each(Element::read_all);
@@ -61,7 +66,7 @@ impl Element {
 
 impl Attribute {
     /// Its numbers, at most `most`; `None` after an error.
-    pub(super) fn numbers(&self, most: usize, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+    pub(crate) fn numbers(&self, most: usize, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
         let words = self.value.split_ascii_whitespace();
         let numbers: Result<Vec<f64>, NumberFault> = words.map(number::number).collect();
         let fault = match numbers {
@@ -77,7 +82,7 @@ impl Attribute {
 }
 
 /// The files of a model: where they may lie, and those that were read.
-pub(super) struct Files {
+pub(crate) struct Files {
     /// The folder of the first file.
     folder: PathBuf,
     /// The folders below which files are read, without links.
@@ -87,7 +92,7 @@ pub(super) struct Files {
 
 impl Files {
     /// The files beside the first one, or below a folder of `include`; a text has none beside it.
-    pub(super) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
+    pub(crate) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
         let Some(first) = first else {
             return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new() };
         };
@@ -102,7 +107,7 @@ impl Files {
 
     /// The name and the bytes of a file that another one names, relative to the first file's folder
     /// or to an include folder; `None` after an error.
-    pub(super) fn open(
+    pub(crate) fn open(
         &self,
         written: &Path,
         span: Span,
@@ -142,7 +147,7 @@ impl Files {
 }
 
 /// The outermost element of a text, with its includes in their places; `None` after an error.
-pub(super) fn read(
+pub(crate) fn read(
     name: &str,
     bytes: Vec<u8>,
     files: &mut Files,
@@ -159,12 +164,13 @@ fn element<'t>(
     files: &mut Files,
     diagnostics: &mut Diagnostics,
 ) -> Element {
-    let attributes = node.attributes().map(|of| Attribute {
-        name: of.name().to_owned(),
-        value: of.value().to_owned(),
-        span: text.span(of.range().start),
+    let attribute = |name: &str, value: &str, at: usize| Attribute {
+        name: name.to_owned(),
+        value: value.to_owned(),
+        span: text.span(at),
         is_read: Cell::new(false),
-    });
+    };
+    let attributes = node.attributes().map(|of| attribute(of.name(), of.value(), of.range().start));
     let mut read = Element {
         name: node.tag_name().name().to_owned(),
         span: text.span(node.range().start),
@@ -172,10 +178,19 @@ fn element<'t>(
         children: Vec::new(),
         is_read: Cell::new(false),
     };
+    // the value of an element of SDF is an attribute of its name
+    let is_sdf = node.document().root_element().has_tag_name("sdf");
+    let value: String = node.children().filter(Node::is_text).filter_map(|of| of.text()).collect();
+    if is_sdf && !value.trim().is_empty() {
+        read.attributes.push(attribute(&read.name, &value, node.range().start));
+    }
     for child in node.children().filter(Node::is_element) {
-        let child = element(child, text, files, diagnostics);
-        if child.name == "include" {
+        let mut child = element(child, text, files, diagnostics);
+        if child.name == "include" && !is_sdf {
             read.children.extend(include(&child, files, diagnostics));
+        } else if matches!(&child.attributes[..], [of] if of.name == child.name && is_sdf) {
+            // one that is nothing but its value is an attribute
+            read.attributes.append(&mut child.attributes);
         } else {
             read.children.push(child);
         }

@@ -193,19 +193,13 @@ pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &m
         diagnostics.note(span, found, help);
         let body = tree.add_body(format!("{unique}/tendon"), span);
         tree.add_joint(Joint {
-            name: unique,
-            span,
             body,
-            kind: Kind::Slide,
-            pos: [0.0; 3],
-            axis: [0.0, 0.0, 1.0],
-            reference: 0.0,
             range,
             effort,
             terms: dynamics,
             coupling: Some((terms, 0.0)),
-            held: None,
             drive,
+            ..Joint::new(unique, span, Kind::Slide)
         });
     }
 }

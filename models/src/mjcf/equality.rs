@@ -1,5 +1,6 @@
 //! `<equality>`: cuts of loops, and couplings of joints and tendons.
 
+use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Placement;
 
 use super::body::Tree;
@@ -10,13 +11,12 @@ use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 
 /// A cut between two bodies.
-pub(super) struct Cut {
-    pub(super) name: String,
-    pub(super) span: Span,
-    pub(super) bodies: [usize; 2],
-    pub(super) places: [Placement; 2],
-    /// It holds the orientation too.
-    pub(super) is_weld: bool,
+pub(crate) struct Cut {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) bodies: [usize; 2],
+    pub(crate) places: [Placement; 2],
+    pub(crate) joint: CutJoint,
 }
 
 /// Reads the equalities of a model.
@@ -132,7 +132,8 @@ impl<'e> Equalities<'e, '_> {
             return None;
         }
         let places = poses.map(Pose::placement);
-        self.cuts.push(Cut { name, span: item.span(), bodies, places, is_weld });
+        let joint = if is_weld { CutJoint::Weld } else { CutJoint::Spherical };
+        self.cuts.push(Cut { name, span: item.span(), bodies, places, joint });
         Some(())
     }
 

@@ -11,49 +11,49 @@ use crate::report::{Diagnostics, Span, quoted};
 const MAIN: &str = "main";
 
 /// An element and the defaults that complete it, the nearest first.
-pub(super) struct Item<'e> {
-    pub(super) element: &'e Element,
+pub(crate) struct Item<'e> {
+    pub(crate) element: &'e Element,
     defaults: Vec<&'e Element>,
 }
 
 impl<'e> Item<'e> {
     /// An element without defaults.
-    pub(super) fn plain(element: &'e Element) -> Item<'e> {
+    pub(crate) fn plain(element: &'e Element) -> Item<'e> {
         element.is_read.set(true);
         Item { element, defaults: Vec::new() }
     }
 
-    pub(super) fn tag(&self) -> &str {
+    pub(crate) fn tag(&self) -> &str {
         &self.element.name
     }
 
-    pub(super) fn span(&self) -> Span {
+    pub(crate) fn span(&self) -> Span {
         self.element.span
     }
 
     /// An attribute of the element, or else of the nearest class that has it.
-    pub(super) fn get(&self, name: &str) -> Option<&'e Attribute> {
+    pub(crate) fn get(&self, name: &str) -> Option<&'e Attribute> {
         let all = [self.element].into_iter().chain(self.defaults.iter().copied());
         // an attribute that another one hides is read too
         let found: Vec<&Attribute> = all.filter_map(|of| of.get(name)).collect();
         found.first().copied()
     }
 
-    pub(super) fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.get(name).is_some()
     }
 
-    pub(super) fn text(&self, name: &str) -> Option<&'e str> {
+    pub(crate) fn text(&self, name: &str) -> Option<&'e str> {
         self.get(name).map(|of| of.value.trim())
     }
 
     /// The position of an attribute, or of the element.
-    pub(super) fn at(&self, name: &str) -> Span {
+    pub(crate) fn at(&self, name: &str) -> Span {
         self.get(name).map_or(self.span(), |of| of.span)
     }
 
     /// Exactly `N` numbers; `None` without the attribute and after an error.
-    pub(super) fn numbers<const N: usize>(
+    pub(crate) fn numbers<const N: usize>(
         &self,
         name: &str,
         diagnostics: &mut Diagnostics,
@@ -70,16 +70,16 @@ impl<'e> Item<'e> {
     }
 
     /// One to `most` numbers.
-    pub(super) fn list(&self, name: &str, most: usize, of: &mut Diagnostics) -> Option<Vec<f64>> {
+    pub(crate) fn list(&self, name: &str, most: usize, of: &mut Diagnostics) -> Option<Vec<f64>> {
         self.get(name).and_then(|attribute| attribute.numbers(most, of))
     }
 
-    pub(super) fn number(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<f64> {
+    pub(crate) fn number(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<f64> {
         self.numbers::<1>(name, diagnostics).map(|[number]| number)
     }
 
     /// The first of some numbers, of which the others must be zero: they are the nonlinear terms.
-    pub(super) fn linear(&self, name: &str, diagnostics: &mut Diagnostics) -> f64 {
+    pub(crate) fn linear(&self, name: &str, diagnostics: &mut Diagnostics) -> f64 {
         let numbers = self.list(name, 3, diagnostics).unwrap_or_default();
         if numbers.iter().skip(1).any(|of| *of != 0.0) {
             let found = format!("`{name}` of `{}` is not linear", self.tag());
@@ -90,17 +90,17 @@ impl<'e> Item<'e> {
     }
 
     /// `frictionloss`.
-    pub(super) fn dry_friction(&self, diagnostics: &mut Diagnostics) -> Friction {
+    pub(crate) fn dry_friction(&self, diagnostics: &mut Diagnostics) -> Friction {
         let coulomb = self.number("frictionloss", diagnostics).unwrap_or(0.0);
         Friction { coulomb, ..Friction::default() }
     }
 
     /// `true`, `false` or `auto`; `auto` and no value are `None`.
-    pub(super) fn flag(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<bool> {
+    pub(crate) fn flag(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<bool> {
         let attribute = self.get(name)?;
         match attribute.value.trim() {
-            "true" | "enable" => Some(true),
-            "false" | "disable" => Some(false),
+            "true" | "enable" | "1" => Some(true),
+            "false" | "disable" | "0" => Some(false),
             "auto" => None,
             other => {
                 let found = format!("`{name}` of `{}` is {}", self.tag(), quoted(other));
@@ -112,12 +112,12 @@ impl<'e> Item<'e> {
 }
 
 /// The classes of defaults: the `<default>` elements of each, the nearest first.
-pub(super) struct Classes<'e> {
+pub(crate) struct Classes<'e> {
     by_name: BTreeMap<&'e str, Vec<&'e Element>>,
 }
 
 impl<'e> Classes<'e> {
-    pub(super) fn new(root: &'e Element, diagnostics: &mut Diagnostics) -> Classes<'e> {
+    pub(crate) fn new(root: &'e Element, diagnostics: &mut Diagnostics) -> Classes<'e> {
         let mut classes = Classes { by_name: BTreeMap::from([(MAIN, Vec::new())]) };
         let mut main: Vec<&Element> = Vec::new();
         for outermost in root.all("default") {
@@ -151,7 +151,7 @@ impl<'e> Classes<'e> {
 
     /// An element with the defaults of its class, else of `child_class`, else of all; `tags` are
     /// the names under which a class may hold them.
-    pub(super) fn item(
+    pub(crate) fn item(
         &self,
         element: &'e Element,
         tags: &[&str],

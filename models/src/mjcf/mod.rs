@@ -5,16 +5,16 @@
 //! influence on the dynamics, and by an error where it has one that cannot be expressed.
 
 mod angles;
-mod body;
-mod compiler;
-mod document;
+pub(crate) mod body;
+pub(crate) mod compiler;
+pub(crate) mod document;
 mod drive;
-mod equality;
+pub(crate) mod equality;
 mod geom;
-mod item;
+pub(crate) mod item;
 mod mesh;
 mod solid;
-mod unread;
+pub(crate) mod unread;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -22,13 +22,13 @@ use std::path::{Path, PathBuf};
 use body::{Kind, Tree, Walk};
 use compiler::Compiler;
 use document::{Element, Files};
-use equality::Equalities;
+use equality::{Cut, Equalities};
 use item::{Classes, Item};
 use mesh::Meshes;
 
 use crate::export;
 use crate::pose::{Pose, unit};
-use crate::report::{Diagnostics, quoted};
+use crate::report::{Diagnostics, Span, quoted};
 
 /// A converted model.
 pub(crate) struct Converted {
@@ -40,21 +40,6 @@ pub(crate) struct Converted {
     pub(crate) pose: Option<(String, Vec<(String, f64)>)>,
     /// Whether the file has actuators.
     pub(crate) is_driven: bool,
-}
-
-/// Whether a text is MJCF, by its outermost element.
-pub(crate) fn is_mjcf(bytes: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(bytes);
-    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
-    while let Some((end, skipped)) = [("<!--", "-->"), ("<?", "?>")]
-        .iter()
-        .find_map(|(start, end)| Some((end, rest.strip_prefix(start)?)))
-    {
-        let Some((_, behind)) = skipped.split_once(end) else { return false };
-        rest = behind.trim_start();
-    }
-    let tag = rest.strip_prefix("<mujoco");
-    tag.is_some_and(|tag| tag.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'))
 }
 
 /// Converts a model; files that it names are read below the folder of `path` or a folder of
@@ -81,7 +66,7 @@ pub(crate) fn convert(
     let pose = keyframe(&root, &tree, diagnostics);
     let mut tendons = drive::tendons(&root, &classes, &compiler, &tree, diagnostics);
     drive::actuators(&root, &classes, &compiler, &mut tree, &mut tendons, diagnostics);
-    let mut cuts = if flags.equality {
+    let cuts = if flags.equality {
         Equalities {
             classes: &classes,
             tree: &mut tree,
@@ -95,6 +80,20 @@ pub(crate) fn convert(
         Vec::new()
     };
     drive::into_joints(tendons, &mut tree, diagnostics);
+    shifted(&tree, diagnostics);
+    let help = "remove it, or expand it in MuJoCo (mj_saveLastXML)";
+    unread::report(&root, unread::HARMLESS, help, diagnostics);
+    converted(robot, &tree, cuts, pose, diagnostics)
+}
+
+/// The files of a tree with its cuts; `None` after an error.
+pub(crate) fn converted(
+    name: String,
+    tree: &Tree,
+    mut cuts: Vec<Cut>,
+    pose: Option<(String, Vec<(String, f64)>)>,
+    diagnostics: &mut Diagnostics,
+) -> Option<Converted> {
     cuts.retain(|cut| {
         let is_needed = !tree.between(cut.bodies).is_empty();
         if !is_needed {
@@ -103,19 +102,17 @@ pub(crate) fn convert(
         }
         is_needed
     });
-    shifted(&tree, diagnostics);
-    unread::report(&root, diagnostics);
     let is_driven = tree.joints.iter().any(|joint| joint.drive.is_some());
     if !is_driven {
         let found = "the model has no actuators";
         let help = "each independent joint of one freedom is active";
-        diagnostics.note(root.span, found, help);
+        diagnostics.note(Span::start(0), found, help);
     }
-    let description = write::description(&robot, &tree, &cuts);
+    let description = write::description(&name, tree, &cuts);
     (!diagnostics.has_errors()).then(|| Converted {
         urdf: export::urdf::text(&description),
         submechanisms: export::yaml::text(&description),
-        name: robot,
+        name,
         pose,
         is_driven,
     })

@@ -7,63 +7,38 @@ use super::document::Element;
 use crate::report::{Diagnostics, Span, quoted};
 
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
-/// actuators; `*` for the whole element with all that it holds.
-const HARMLESS: &str = "
+/// actuators; `*` before whole elements with all that they hold, `=` for an attribute of one value.
+pub(crate) const HARMLESS: &str = "
+    *: camera contact custom cylinder damper default general geom hfield intvelocity keyframe key
+    *: lengthrange light material mesh motor muscle position sensor site size skin spatial
+    *: statistic texture velocity visual
     asset: name
-    camera: *
     compiler: texturedir discardvisual usethread fusestatic saveinertial fitaabb convexhull
     connect: name
-    contact: *
-    custom: *
-    cylinder: *
-    damper: *
-    default: *
     fixed: group margin solreflimit solimplimit solreffriction solimpfriction user
     fixed: material rgba width
     flag: contact frictionloss limit clampctrl warmstart filterparent refsafe sensor midphase
     flag: nativeccd eulerdamp autoreset override energy fwdinv invdiscrete multiccd island sleep
     freejoint: group
-    general: *
-    geom: *
-    hfield: *
-    intvelocity: *
     joint: group solreflimit solimplimit solreffriction solimpfriction margin user actuatorgravcomp
-    keyframe: *
-    key: *
-    lengthrange: *
-    light: *
-    material: *
-    mesh: *
-    motor: *
     mujoco: model
-    muscle: *
     option: timestep apirate impratio tolerance ls_tolerance noslip_tolerance ccd_tolerance
     option: sleep_tolerance o_margin o_solref o_solimp o_friction magnetic integrator cone jacobian
     option: solver iterations ls_iterations noslip_iterations ccd_iterations sdf_iterations
     option: sdf_initpoints mpr_tolerance mpr_iterations collision
-    position: *
-    sensor: *
-    site: *
-    size: *
-    skin: *
-    spatial: *
-    statistic: *
-    texture: *
-    velocity: *
-    visual: *
     body: user sleep
     weld: name
 ";
 
 /// Reports the unread parts of a model.
-pub(super) fn report(root: &Element, diagnostics: &mut Diagnostics) {
-    let lines = HARMLESS.lines().filter_map(|line| line.trim().split_once(':'));
+pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &mut Diagnostics) {
+    let lines = harmless.lines().filter_map(|line| line.trim().split_once(':'));
     let mut harmless: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (tag, attributes) in lines {
         harmless.entry(tag).or_default().extend(attributes.split_whitespace());
     }
     let mut found = BTreeMap::new();
-    visit(root, &harmless, &mut found, diagnostics);
+    visit(root, (&harmless, help), &mut found, diagnostics);
     for ((tag, what), (span, count)) in found {
         let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let what = match what {
@@ -79,26 +54,26 @@ type Found<'e> = BTreeMap<(&'e str, &'e str), (Span, usize)>;
 
 fn visit<'e>(
     element: &'e Element,
-    harmless: &BTreeMap<&str, Vec<&str>>,
+    (harmless, help): (&BTreeMap<&str, Vec<&str>>, &str),
     found: &mut Found<'e>,
     diagnostics: &mut Diagnostics,
 ) {
     let tag = element.name.as_str();
     let known = harmless.get(tag).map_or(&[][..], Vec::as_slice);
-    let is_harmless = known == ["*"];
+    let is_harmless = harmless.get("*").is_some_and(|whole| whole.contains(&tag));
     if !element.is_read.get() {
         if is_harmless {
             found.entry((tag, "")).or_insert((element.span, 0)).1 += 1;
         } else {
             let found = format!("the element {} is not read", quoted(tag));
-            let help = "remove it, or expand it in MuJoCo (mj_saveLastXML)";
             diagnostics.dynamics(element.span, found, "an element that is known", help);
         }
         return;
     }
     for attribute in element.attributes.iter().filter(|of| !of.is_read.get()) {
         let name = attribute.name.as_str();
-        if is_harmless || known.contains(&name) {
+        let with_value = format!("{name}={}", attribute.value.trim());
+        if is_harmless || known.contains(&name) || known.contains(&&*with_value) {
             found.entry((tag, name)).or_insert((attribute.span, 0)).1 += 1;
         } else {
             let found = format!("the attribute {} of {} is not read", quoted(name), quoted(tag));
@@ -106,5 +81,5 @@ fn visit<'e>(
             diagnostics.dynamics(attribute.span, found, "an attribute that is known", help);
         }
     }
-    element.children.iter().for_each(|child| visit(child, harmless, found, diagnostics));
+    element.children.iter().for_each(|child| visit(child, (harmless, help), found, diagnostics));
 }

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::{
     Coupling, Cut as Place, Description, Inertial, Joint as Written, JointKind, Limits, Link, Loop,
     Submechanism, SubmechanismKind, Terms,
@@ -23,7 +22,7 @@ struct Writer<'t> {
 }
 
 /// The robot.
-pub(super) fn description(name: &str, tree: &Tree, cuts: &[Cut]) -> Description {
+pub(crate) fn description(name: &str, tree: &Tree, cuts: &[Cut]) -> Description {
     let mut of = Writer { tree, links: Vec::new(), joints: Vec::new(), bodies: Vec::new() };
     of.bodies();
     let places: Vec<usize> = tree
@@ -120,9 +119,11 @@ fn written(joint: &Joint, place: Pose, links: [usize; 2]) -> Written {
     of.axis = joint.axis;
     of.terms = Terms { rest: if terms.stiffness == 0.0 { 0.0 } else { terms.rest }, ..terms };
     let effort = joint.effort.min(joint.drive.unwrap_or(f64::INFINITY));
-    if joint.range.is_some() || effort.is_finite() || kind == JointKind::Prismatic {
-        let [lower, upper] = joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        of.limits = Some(Limits { lower, upper, effort, ..Limits::NONE });
+    let none = [f64::NEG_INFINITY, f64::INFINITY];
+    let has_limit = effort.is_finite() || joint.velocity.is_finite();
+    if joint.range.is_some() || has_limit || kind == JointKind::Prismatic {
+        let [lower, upper] = joint.range.unwrap_or(none);
+        of.limits = Some(Limits { lower, upper, velocity: joint.velocity, effort });
     }
     of
 }
@@ -201,14 +202,13 @@ fn submechanism(
     };
     let loops = cuts.iter().map(|cut| {
         let [predecessor, successor] = cut.places;
-        let rows = if cut.is_weld { CutJoint::Weld } else { CutJoint::Spherical }.rows();
         let link = |body: usize| of.bodies.get(body).copied().unwrap_or(0);
         Loop {
             name: cut.name.clone(),
             predecessor: link(cut.bodies[0]),
             successor: link(cut.bodies[1]),
             cut: Place::Placed { predecessor, successor },
-            rows,
+            rows: cut.joint.rows(),
         }
     });
     Submechanism {

@@ -30,20 +30,10 @@ const IRRELEVANT: [&str; 3] = [
 ];
 
 /// Elements that change the dynamics, with the value at which they do not.
-const CHANGES: &[(&str, Option<f64>)] = &[
-    ("axis", None),
-    ("axis2", None),
-    ("dampingFactor", Some(0.0)),
+const CHANGES: [(&str, Option<f64>); 3] = [
+    ("axis axis2 include inertial link model velocity_decay", None),
+    ("dampingFactor kinematic pose static turnGravityOff", Some(0.0)),
     ("gravity", Some(1.0)),
-    ("include", None),
-    ("inertial", None),
-    ("kinematic", Some(0.0)),
-    ("link", None),
-    ("model", None),
-    ("pose", Some(0.0)),
-    ("static", Some(0.0)),
-    ("turnGravityOff", Some(0.0)),
-    ("velocity_decay", None),
 ];
 
 /// Springs and couplings of `<gazebo>`.
@@ -71,7 +61,7 @@ impl Extras {
                 "springStiffness" => self.spring(reader, element, reference, 0),
                 "springReference" => self.spring(reader, element, reference, 1),
                 "plugin" => self.couplings.extend(mimic(reader, element)),
-                name if IRRELEVANT.iter().any(|names| names.split(' ').any(|of| of == name)) => {}
+                name if IRRELEVANT.iter().any(|names| has(names, name)) => {}
                 _ => changes(reader, element, reference),
             }
         }
@@ -90,12 +80,17 @@ impl Extras {
     }
 }
 
+/// Whether a list has a name.
+fn has(names: &str, name: &str) -> bool {
+    names.split(' ').any(|of| of == name)
+}
+
 /// Reports an element that changes the dynamics, and warns of an unknown one.
 fn changes<'t>(reader: &mut Reader<'t, '_>, element: Node<'_, 't>, of: &str) {
     let name = element.tag_name().name();
     let span = reader.span(element);
     let of = if of.is_empty() { String::new() } else { format!(" of {}", quoted(of)) };
-    let Some((_, neutral)) = CHANGES.iter().find(|(known, _)| *known == name) else {
+    let Some((_, neutral)) = CHANGES.iter().find(|(names, _)| has(names, name)) else {
         let found = format!("the element {} in `gazebo`{of} is not known", quoted(name));
         let help = "it is not read; describe its effect on the dynamics in URDF";
         return reader.diagnostics.warning(span, found, "an element of Gazebo", help);

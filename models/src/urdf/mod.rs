@@ -161,8 +161,8 @@ impl Urdf {
         let span = reader.span(root);
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
-            let help = "give a URDF or MJCF file (expand xacro files, convert SDF first)";
-            reader.diagnostics.error(span, found, "`robot` or `mujoco`", help);
+            let help = "give a file of URDF, MJCF or SDF (expand xacro files)";
+            reader.diagnostics.error(span, found, "`robot`, `mujoco` or `sdf`", help);
             return None;
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();

@@ -13,15 +13,15 @@ use sarrus_models::{
 /// Largest difference, relative to the largest number of a quantity.
 const ROUNDING: f64 = 1e-13;
 
-fn robot(name: &str) -> Loaded {
+pub(super) fn robot(name: &str) -> Loaded {
     load(&Source::Bundled(name.to_owned()), &Options::default()).unwrap()
 }
 
-fn exported(loaded: &Loaded, target: Target) -> Exported {
+pub(super) fn exported(loaded: &Loaded, target: Target) -> Exported {
     export(loaded, target, "robot", false).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn file(exported: &Exported, ending: &str) -> Vec<u8> {
+pub(super) fn file(exported: &Exported, ending: &str) -> Vec<u8> {
     let found = exported.files.iter().find(|(of, _)| *of == ending);
     found.unwrap_or_else(|| panic!("no {ending}")).1.clone().into_bytes()
 }
@@ -55,7 +55,7 @@ fn a_scene_is_the_same_after_writing_our_own_files() {
 }
 
 /// Fields of a model from numbers by name.
-fn asked(
+pub(super) fn asked(
     model: &Model,
     request: Request,
     given: &BTreeMap<String, [f64; 2]>,
@@ -84,7 +84,7 @@ fn asked(
 }
 
 /// Closed positions and velocities by name, near zero.
-fn state(model: &Model, seed: usize) -> BTreeMap<String, [f64; 2]> {
+pub(super) fn state(model: &Model, seed: usize) -> BTreeMap<String, [f64; 2]> {
     let number = |k: usize| ((k * 7 + seed * 13) as f64 * 0.37).sin();
     let given = FieldSet::of(&[Field::Y, Field::Yd]);
     let query = Query::new(Request::Kinematics, given, FieldSet::of(&[Field::Q, Field::Qd]));
@@ -118,31 +118,46 @@ fn state(model: &Model, seed: usize) -> BTreeMap<String, [f64; 2]> {
     found
 }
 
-fn size(of: &[f64]) -> f64 {
+pub(super) fn size(of: &[f64]) -> f64 {
     of.iter().fold(0.0, |size: f64, x| size.max(x.abs()))
 }
 
+/// M and bias forces of the trees of two robots with the same joints, by name.
+pub(super) fn same_trees(
+    name: &str,
+    [ours, theirs]: [&Model; 2],
+    at: &BTreeMap<String, [f64; 2]>,
+    rounding: f64,
+) {
+    let fields = [Field::TauY, Field::MY];
+    let a = asked(ours, Request::InverseDynamics, at, &fields);
+    let b = asked(theirs, Request::InverseDynamics, at, &fields);
+    let n = ours.independent_names().len();
+    let to = order(ours.independent_names(), theirs.independent_names());
+    let gap = (0..n).map(|i| (a[0][i] - b[0][to[i]]).abs()).fold(0.0, f64::max);
+    assert!(gap <= rounding * size(&a[0]).max(1.0), "{name}: forces {gap:e}");
+    let gap = (0..n * n).map(|k| (a[1][k] - b[1][to[k / n] * n + to[k % n]]).abs());
+    let gap = gap.fold(0.0, f64::max);
+    assert!(gap <= rounding * size(&a[1]).max(0.1), "{name}: M {gap:e}");
+}
+
+pub(super) fn order(from: &[String], to: &[String]) -> Vec<usize> {
+    from.iter().map(|name| to.iter().position(|of| of == name).unwrap()).collect()
+}
+
+pub(super) fn compiled(name: &str, of: &Description) -> Model {
+    Model::compile(of).unwrap_or_else(|e| panic!("{name}: {e}")).model
+}
+
 /// M, bias forces and K, K̇ q̇ of two robots with the same joints, by name.
-fn same(name: &str, original: &Description, held: &Description, other: &Description) {
-    let compiled = |of: &Description| Model::compile(of).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let model = compiled(original).model;
-    let [ours, theirs] = [held, other].map(|of| compiled(&as_tree(of)).model);
-    let [held, other] = [held, other].map(|of| compiled(of).model);
-    let order = |from: &[String], to: &[String]| -> Vec<usize> {
-        from.iter().map(|name| to.iter().position(|of| of == name).unwrap()).collect()
-    };
+pub(super) fn same(name: &str, original: &Description, held: &Description, other: &Description) {
+    let model = compiled(name, original);
+    let [ours, theirs] = [held, other].map(|of| compiled(name, &as_tree(of)));
+    let [held, other] = [held, other].map(|of| compiled(name, of));
+    let n = ours.independent_names().len();
     for seed in 0..3 {
         let at = state(&model, seed);
-        let fields = [Field::TauY, Field::MY];
-        let a = asked(&ours, Request::InverseDynamics, &at, &fields);
-        let b = asked(&theirs, Request::InverseDynamics, &at, &fields);
-        let n = ours.independent_names().len();
-        let to = order(ours.independent_names(), theirs.independent_names());
-        let gap = (0..n).map(|i| (a[0][i] - b[0][to[i]]).abs()).fold(0.0, f64::max);
-        assert!(gap <= ROUNDING * size(&a[0]).max(1.0), "{name}: forces {gap:e}");
-        let gap = (0..n * n).map(|k| (a[1][k] - b[1][to[k / n] * n + to[k % n]]).abs());
-        let gap = gap.fold(0.0, f64::max);
-        assert!(gap <= ROUNDING * size(&a[1]).max(0.1), "{name}: M {gap:e}");
+        same_trees(name, [&ours, &theirs], &at, ROUNDING);
 
         let fields = [Field::K, Field::KBias];
         let a = asked(&held, Request::Kinematics, &at, &fields);
@@ -160,8 +175,8 @@ fn same(name: &str, original: &Description, held: &Description, other: &Descript
     }
 }
 
-/// The robot of a file of MJCF.
-fn imported(text: Vec<u8>) -> Loaded {
+/// The robot of a file of another format.
+pub(super) fn imported(text: Vec<u8>) -> Loaded {
     let path = Path::new("/nowhere/robot.xml");
     let found = import(path, Some(text), &[], &Options::default());
     let found = found.unwrap_or_else(|error| panic!("{error}"));
@@ -187,7 +202,7 @@ fn every_bundled_robot_is_the_same_after_a_way_through_mjcf() {
 }
 
 /// A model of MJCF beside this file.
-fn mjcf(name: &str) -> Loaded {
+pub(super) fn mjcf(name: &str) -> Loaded {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/suite/mjcf");
     let urdf = folder.join(format!("{name}.xml"));
     let source = Source::Files { urdf, submechanisms: None };

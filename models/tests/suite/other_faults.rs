@@ -35,9 +35,9 @@ fn bytes_that_are_not_utf8_are_reported_with_their_position() {
 
 #[test]
 fn another_format_is_reported() {
-    let expected = "robot.urdf:1:1: the outermost element is `sdf`, expected `robot` or `mujoco`, give \
-        a URDF or MJCF file (expand xacro files, convert SDF first)\n";
-    assert_eq!(reported_of(b"<sdf version=\"1.7\"/>", None, false), expected);
+    let expected = "robot.urdf:1:1: the outermost element is `model`, expected `robot`, `mujoco` or \
+        `sdf`, give a file of URDF, MJCF or SDF (expand xacro files)\n";
+    assert_eq!(reported_of(b"<model name=\"a\"/>", None, false), expected);
     assert_eq!(
         reported_of(b"name: robot", None, false),
         "robot.urdf:1:1: this is not XML: unknown token, expected a well-formed URDF file, correct \

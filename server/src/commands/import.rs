@@ -3,7 +3,6 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -19,8 +18,8 @@ const XACRO: Duration = Duration::from_secs(60);
 /// Flags of `import`.
 #[derive(Args)]
 pub(crate) struct Import {
-    /// Files of MJCF, or URDF files with loops in the elements of other programs; one for each
-    /// robot.
+    /// Files of MJCF or SDF, YAML files of Gepetto's tools beside their URDF, or URDF files with
+    /// loops in the elements of other programs; one for each robot.
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// The folder for NAME.urdf and NAME.yml of each robot; existing files stay.
@@ -95,46 +94,30 @@ fn in_words(report: &Report) -> String {
     notes(&report.notes) + &diagnostics(&report.errors, &report.warnings)
 }
 
-/// The text of a file as `xacro` expands it.
+/// The text of a file as `xacro` expands it; its words go to stderr.
 fn expand(file: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |why: String| Failure::start(format!("xacro {}: {why}", file.display()));
-    let started = Command::new("xacro")
-        .arg(file)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn();
-    let mut child =
-        started.map_err(|error| failed(format!("{error}; install it: pip install xacro")))?;
-    let text = child.stdout.take().map(read_aside);
-    let words = child.stderr.take().map(read_aside);
+    let broken = |error: std::io::Error| failed(format!("{error}; install it: pip install xacro"));
+    let mut program = Command::new("xacro");
+    program.arg(file).stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut child = program.spawn().map_err(broken)?;
+    let text = child.stdout.take().map(|mut stream| {
+        std::thread::spawn(move || {
+            let mut bytes = Vec::new();
+            stream.read_to_end(&mut bytes).map(|_| bytes)
+        })
+    });
     let start = Instant::now();
-    let status = loop {
-        match child.try_wait().map_err(|error| failed(error.to_string()))? {
-            Some(status) => break status,
-            None if start.elapsed() > XACRO => {
-                let _ = child.kill();
-                let _ = child.wait();
-                return Err(failed(format!("it takes more than {} s", XACRO.as_secs())));
-            }
-            None => std::thread::sleep(Duration::from_millis(10)),
+    while child.try_wait().map_err(broken)?.is_none() {
+        if start.elapsed() > XACRO {
+            child.kill().and_then(|()| child.wait()).map_err(broken)?;
+            return Err(failed(format!("it takes more than {} s", XACRO.as_secs())));
         }
-    };
-    let bytes =
-        |of: Option<JoinHandle<Vec<u8>>>| of.and_then(|of| of.join().ok()).unwrap_or_default();
-    if !status.success() {
-        let words = bytes(words);
-        let words = String::from_utf8_lossy(&words);
-        return Err(Failure { code: 1, ..failed(words.trim().to_owned()) });
+        std::thread::sleep(Duration::from_millis(10));
     }
-    Ok(bytes(text))
-}
-
-/// Reads a stream to its end in a thread of its own.
-fn read_aside(mut stream: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
-    std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        let _ = stream.read_to_end(&mut bytes);
-        bytes
-    })
+    let status = child.wait().map_err(broken)?;
+    if !status.success() {
+        return Err(Failure { code: 1, ..failed(status.to_string()) });
+    }
+    text.and_then(|text| text.join().ok()).unwrap_or(Ok(Vec::new())).map_err(broken)
 }

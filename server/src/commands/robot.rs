@@ -45,13 +45,13 @@ pub(crate) struct RobotFlags {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct SourceFlags {
-    /// A URDF file, or one of MJCF, as --urdf.
+    /// A URDF file, or one of another format, as --urdf.
     #[arg(value_name = "FILE.urdf")]
     urdf_file: Option<PathBuf>,
     /// A bundled robot.
     #[arg(long, value_name = "NAME", value_parser = RobotName, hide_possible_values = true)]
     robot: Option<String>,
-    /// A URDF file, a SMURF file that names one, or a file of MJCF.
+    /// A URDF file, a SMURF file that names one, a file of MJCF or SDF, or YAML of Gepetto's tools.
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
 }

@@ -41,6 +41,16 @@ fn mjcf_is_read_or_told() {
 }
 
 #[test]
+fn sdf_is_read_or_told() {
+    keeps_its_laws("sdf", 1_000);
+}
+
+#[test]
+fn the_files_of_gepetto_are_read_or_told() {
+    keeps_its_laws("gepetto", 500);
+}
+
+#[test]
 fn submechanisms_are_read_or_told() {
     keeps_its_laws("submechanisms", 8_000);
 }

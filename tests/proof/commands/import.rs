@@ -1,4 +1,4 @@
-//! `sarrus import`: files, exit codes, and MJCF wherever a URDF stands.
+//! `sarrus import`: files, exit codes, and other formats wherever a URDF stands.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -46,6 +46,42 @@ fn an_imported_model_is_checked_asked_and_not_written_over() {
     assert!(strict.err.contains(expected), "{}", strict.err);
     let lenient = run(&["import", &spring, "--out", &into, "--lenient"], b"");
     assert_eq!(lenient.code, Some(0), "{}", lenient.err);
+}
+
+#[test]
+fn models_of_sdf_and_of_gepettos_tools_stand_where_a_urdf_does() {
+    let folder = Folder::new("import-formats");
+    let into = folder.file("kept", "").replace("kept", "mine");
+    let file = format!("{}/../models/tests/suite/sdf/loops.sdf", env!("CARGO_MANIFEST_DIR"));
+    let done = run(&["import", &file, "--out", &into], b"");
+    assert_eq!(done.code, Some(0), "{}", done.err);
+    let written: Vec<&str> = done.out.lines().take(2).collect();
+    assert_eq!(written, [format!("{into}/loops.urdf"), format!("{into}/loops.yml")]);
+    let [direct, from_files] = [vec![&*file], written.clone()].map(|files| {
+        let arguments = [&["ask", "inverse-dynamics"], &files[..]].concat();
+        let independents = run(&[&["check", "--format", "json"], &files[..]].concat(), b"").out;
+        let found: serde_json::Value = serde_json::from_str(&independents).unwrap();
+        let n = found["independent"].as_array().unwrap().len();
+        let y = vec![0.01; n];
+        let line = format!("{{\"y\": {y:?}, \"want\": [\"q\", \"tau_y\"]}}\n");
+        run(&arguments, line.as_bytes()).out
+    });
+    assert!(direct.contains("\"ok\""), "{direct}");
+    assert_eq!(direct, from_files);
+
+    // the way out and back
+    let out = format!("{into}/out");
+    for (target, ending) in [("sdf", "sdf"), ("gepetto", "yaml")] {
+        let exported = run(&["export", "--robot", "wrist", "--to", target, "--out", &out], b"");
+        assert_eq!(exported.code, Some(0), "{}", exported.err);
+        let file = format!("{out}/wrist.{ending}");
+        let checked = run(&["check", "--urdf", &file], b"");
+        assert_eq!(checked.code, Some(0), "{target}: {}", checked.out);
+        let back = run(&["import", &file, "--out", &format!("{out}/{target}")], b"");
+        assert_eq!(back.code, Some(0), "{target}: {}", back.err);
+    }
+    let missing = folder.file("alone.yaml", "closed_loop: []\n");
+    assert_eq!(run(&["import", &missing, "--out", &into], b"").code, Some(1));
 }
 
 #[test]

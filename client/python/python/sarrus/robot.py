@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sarrus import _native
+from sarrus import _native, descriptions
 from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
 from sarrus.page import Page
@@ -24,7 +24,7 @@ from sarrus.tasks import TaskRobot
 
 
 class Robot(TaskRobot):
-    """A robot, made by `Robot.bundled`, `Robot.load`, `Robot.from_text` or `Robot.connect`.
+    """A robot of `Robot.bundled`, `.load`, `.description`, `.from_text` or `.connect`.
 
     `Robot(urdf, submechanisms)` is `Robot.load`.
 
@@ -75,15 +75,26 @@ class Robot(TaskRobot):
     ) -> Robot:
         """Load a robot from its files into this process.
 
-        Without a submechanism file every joint is independent and active; a file of MJCF in place
-        of the URDF holds both. `gravity` is in root axes
-        [m/s²]; with `lenient` faults of inertia and effects that are not modelled are warnings;
+        Without a submechanism file every joint is independent and active; a file of MJCF or SDF in
+        place of the URDF, or YAML of Gepetto's tools, holds both. `gravity` is in root axes [m/s²];
+        with `lenient` faults of inertia and effects that are not modelled are warnings;
         `floating_base` hangs the root on a free joint; `lock` fixes joints at a position or at
         zero; `only` keeps these links and the links that their motion depends on. A `LoadError` has
         every fault of the files.
         """
         options = parts(gravity, lenient, floating_base, lock, only)
         return cls(_native.Origin.files(urdf, submechanisms, options))
+
+    @classmethod
+    def description(
+        cls, name: str, submechanisms: str | os.PathLike[str] | None = None, **options: Any
+    ) -> Robot:
+        """Load a description of the package `robot_descriptions`, as `g1_description`.
+
+        Otherwise like `Robot.load`. The package downloads files that it does not have yet. Without
+        it the error is a `ModuleNotFoundError`, without a description of this name a `LoadError`.
+        """
+        return cls.load(descriptions.file(name), submechanisms, **options)
 
     @classmethod
     def from_text(

@@ -258,8 +258,11 @@ class Drake:
         self.loops = [joint for joint in model.findall("joint") if joint.get("name") in cuts]
         for joint in self.loops:
             model.remove(joint)
+        self.couplings = []
         for joint in model.findall("joint"):
             for mimic in joint.findall("axis/mimic"):
+                factor = float(mimic.findtext("multiplier", "1"))
+                self.couplings.append((joint.get("name"), mimic.get("joint"), factor))
                 joint.find("axis").remove(mimic)
         self.plant = MultibodyPlant(0.0)
         gravity = document.getroot().find("world/gravity").text
@@ -312,6 +315,12 @@ class Drake:
             b = plant.CalcBiasSpatialAcceleration(context, v, child, point, parent, parent)
             K += [linear @ R.T @ J[3:], angular @ R.T @ J[:3]]
             bias += [linear @ R.T @ b.translational(), angular @ R.T @ b.rotational()]
+        for follower, leader, factor in self.couplings:
+            row = np.zeros((1, plant.num_velocities()))
+            row[0, plant.GetJointByName(follower).velocity_start()] = 1
+            row[0, plant.GetJointByName(leader).velocity_start()] -= factor
+            K.append(row)
+            bias.append(np.zeros(1))
         return np.vstack(K), np.concatenate(bias)
 
     @staticmethod

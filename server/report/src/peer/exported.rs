@@ -86,7 +86,7 @@ pub fn deviation(
     let input = json!({
         "engine": engine,
         "file": file,
-        "joints": joints(description),
+        "joints": joints(held),
         "cuts": cuts.collect::<Vec<_>>(),
         "states": states(description, held)?,
     })

@@ -27,6 +27,8 @@ pub const TARGETS: &[Target] = &[
     robot::URDF,
     robot::SUBMECHANISMS,
     robot::MJCF,
+    robot::SDF,
+    robot::GEPETTO,
     can::CONFIGURATION,
     can::DBC,
     can::LOG,

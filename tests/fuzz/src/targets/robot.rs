@@ -1,4 +1,5 @@
-//! Robot files: URDF alone, a submechanism file with its URDF, and MJCF.
+//! Robot files: URDF alone, a submechanism file with its URDF, MJCF, SDF, and the files of Gepetto's
+//! tools.
 
 use std::path::Path;
 
@@ -200,11 +201,114 @@ pub(super) const MJCF: Target = Target {
     },
 };
 
+/// SDF, which names no file.
+pub(super) const SDF: Target = Target {
+    name: "sdf",
+    seeds: corpus!("sdf/tree.sdf", "sdf/loop.sdf"),
+    tokens: &[
+        "<sdf version=\"1.4\">",
+        "<model name=\"m\">",
+        "</model>",
+        "<link name=\"a\"/>",
+        "<link name=\"a\">",
+        "</link>",
+        "<joint name=\"j\" type=\"revolute\">",
+        "</joint>",
+        "type=\"ball\"",
+        "type=\"universal\"",
+        "type=\"screw\"",
+        "type=\"gearbox\"",
+        "type=\"fixed\"",
+        "type=\"prismatic\"",
+        "<parent>world</parent>",
+        "<child>a</child>",
+        "<child>tip::t</child>",
+        "<frame name=\"f\" attached_to=\"a\"/>",
+        "attached_to=\"f\"",
+        "relative_to=\"f\"",
+        "relative_to=\"__model__\"",
+        "expressed_in=\"a\"",
+        "canonical_link=\"a\"",
+        "degrees=\"true\"",
+        "rotation_format=\"quat_xyzw\"",
+        "<pose>1 0 0 0 1 0</pose>",
+        "<pose>0 0 0 0 0 0 1</pose>",
+        "<axis><xyz>0 0 1</xyz></axis>",
+        "<axis2><xyz>0 1 0</xyz></axis2>",
+        "<limit><lower>-1</lower><upper>1</upper></limit>",
+        "<dynamics><damping>1</damping></dynamics>",
+        "<mimic joint=\"j\"/>",
+        "<inertial><mass>1</mass></inertial>",
+        "<inertia><ixx>1</ixx></inertia>",
+        "<static>true</static>",
+        "<gravity>0</gravity>",
+        "<plugin name=\"JointController\"><joint_name>j</joint_name></plugin>",
+        "<use_parent_model_frame>1</use_parent_model_frame>",
+        "<include><uri>x</uri></include>",
+        "0 0 0",
+        "1e308",
+        "1e16",
+        "inf",
+        "-1",
+        "<!--",
+    ],
+    start: || {
+        let check: Check = Box::new(convert);
+        Ok(check)
+    },
+};
+
+/// YAML of Gepetto's tools with the URDF beside it, in files of this process.
+pub(super) const GEPETTO: Target = Target {
+    name: "gepetto",
+    seeds: corpus!("gepetto/pair.txt"),
+    tokens: &[
+        "closed_loop:",
+        "[[A, B]]",
+        "type: ['6d']",
+        "'3d'",
+        "name_mot: [one]",
+        "joint_name: [ball]",
+        "joint_type: [SPHERICAL]",
+        "UJOINT",
+        "<joint name=\"ball\" type=\"continuous\">",
+        "<link name=\"A\"/>",
+        "</robot>",
+        "</robot",
+        "<!-- </robot> -->",
+        "&amp;",
+        "[]",
+        "~",
+    ],
+    start: || {
+        let folder = std::env::temp_dir();
+        let yaml = folder.join(format!("sarrus_fuzz_{}.yaml", std::process::id()));
+        let check: Check = Box::new(move |input| {
+            let [text, urdf] = parts(input);
+            let write = |path: &Path, bytes: &[u8]| {
+                std::fs::write(path, bytes).map_err(|error| error.to_string())
+            };
+            write(&yaml, text)?;
+            write(&yaml.with_extension("urdf"), urdf)?;
+            let outcome = converted(&yaml, None);
+            for path in [&yaml, &yaml.with_extension("urdf")] {
+                std::fs::remove_file(path).map_err(|error| error.to_string())?;
+            }
+            outcome
+        });
+        Ok(check)
+    },
+};
+
 /// A model is converted twice alike, and files without a fault load and move.
 fn convert(input: &[u8]) -> Result<u64, String> {
+    converted(Path::new("/nowhere/model.xml"), Some(input))
+}
+
+/// As [`convert`], of a file where there is no text.
+fn converted(path: &Path, text: Option<&[u8]>) -> Result<u64, String> {
     let options = Options { lenient: true, ..Options::default() };
-    let path = Path::new("/nowhere/model.xml");
-    let read = || import(path, Some(input.to_vec()), &[], &options);
+    let read = || import(path, text.map(<[u8]>::to_vec), &[], &options);
     let report_of = |outcome: &Result<Imported, LoadError>| match outcome {
         Ok(imported) => Ok(imported.report.clone()),
         Err(LoadError::Faults(report)) => Ok(report.clone()),
