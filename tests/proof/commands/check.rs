@@ -166,6 +166,41 @@ fn warnings_leave_a_robot_valid() {
 }
 
 #[test]
+fn a_corpus_is_a_line_for_each_robot_and_its_counts() {
+    let folder = Folder::new("corpus");
+    let path = folder.0.to_str().unwrap().to_owned();
+    for extension in ["urdf", "yml"] {
+        let lambda = format!("../models/robots/lambda/lambda.{extension}");
+        folder.file(&format!("lambda.{extension}"), std::fs::read(lambda).unwrap());
+    }
+    folder.file("manifest.xml", "<package><name>robots</name></package>");
+    folder.file("part.xml", "<mujocoinclude/>");
+    std::fs::create_dir(folder.0.join("b")).unwrap();
+    folder.file("b/heavy.urdf", FLOATING.replacen("ixx=\"1\"", "ixx=\"5\"", 1));
+    folder.file("b/scene.xml", "<mujoco><worldbody><body/></worldbody></mujoco>");
+    let half = folder.file("half.urdf", &FLOATING[..FLOATING.len() / 2]);
+    // a link to the folder itself is not followed
+    std::os::unix::fs::symlink(&folder.0, folder.0.join("again")).unwrap();
+    let found = run(&["check", "--corpus", &path], b"");
+    assert_eq!((found.code, found.err.as_str()), (Some(1), ""), "{found:?}");
+    let lines: Vec<&str> = found.out.lines().collect();
+    assert!(
+        lines[0].starts_with("lenient  b/heavy.urdf  ") && lines[0].contains(":3:"),
+        "{lines:?}"
+    );
+    assert!(lines[1].starts_with("refused  b/scene.xml  "), "{lines:?}");
+    assert!(lines[2].starts_with(&format!("refused  half.urdf  {half}:")), "{lines:?}");
+    assert_eq!(lines[3], "ok       lambda.urdf");
+    assert_eq!(lines[4..], ["4 robots: 1 ok, 1 with --lenient, 2 refused"]);
+    // the submechanism file of the same name was read
+    folder.file("lambda.yml", "submechanisms: [");
+    let found = run(&["check", "--corpus", &path], b"");
+    assert!(found.out.contains("refused  lambda.urdf") && found.out.ends_with("3 refused\n"));
+    let missing = run(&["check", "--corpus", "/no/such"], b"");
+    assert_eq!((missing.code, missing.out.as_str()), (Some(2), ""));
+}
+
+#[test]
 fn a_valid_robot_in_words_names_closures_and_sizes() {
     let text = run(&["check", "--robot", "rh5v2_upper_body"], b"");
     assert_eq!((text.code, text.err.as_str()), (Some(0), ""));

@@ -2,6 +2,7 @@
 
 mod assembled;
 mod closures;
+mod corpus;
 mod dimensions;
 mod plan;
 mod pose;
@@ -18,6 +19,8 @@ use pose::Numbers;
 /// Flags of `check`.
 #[derive(Args)]
 #[command(after_long_help = closures::LEGEND)]
+// a corpus is a source of robots too
+#[command(mut_group("SourceFlags", |group| group.arg("corpus")))]
 pub(crate) struct Check {
     #[command(flatten)]
     robot: RobotFlags,
@@ -48,10 +51,18 @@ pub(crate) struct Check {
     /// placements the submechanisms beside it with the ending yml. All else stays byte for byte.
     #[arg(long, value_name = "OUT.urdf", requires = "assemble")]
     write: Option<PathBuf>,
+    /// In place of a robot: one line for each below DIR, with the submechanism file of its name
+    /// where there is one: ok, lenient or refused, with the first fault. Ends with 1 if one is
+    /// refused.
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    corpus: Option<PathBuf>,
 }
 
 impl Check {
     pub(crate) fn run(self) -> Outcome {
+        if let Some(folder) = &self.corpus {
+            return corpus::check(folder);
+        }
         if self.suggest {
             return self.suggestion();
         }
