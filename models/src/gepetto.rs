@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::export::urdf::escaped;
 use crate::mjcf::Converted;
 use crate::mjcf::document::Files;
-use crate::report::Diagnostics;
+use crate::report::{Diagnostics, quoted};
 use crate::text::Text;
 use crate::urdf::parse;
 use crate::yaml::{self, Node};
@@ -28,15 +28,22 @@ pub(crate) fn convert(
     let (_, name, urdf) = Files::new(path, include).open(beside, root.span, diagnostics)?;
     let text = Text::new(&name, urdf, diagnostics)?;
     let document = parse(&text, diagnostics)?;
-    let mut urdf = text.content.clone();
-    if joints.len() != types.len() || types.iter().any(|of| of.text() != Some("SPHERICAL")) {
-        let help = "write its type into the URDF";
-        diagnostics.dynamics(root.span, "a joint of another type", "SPHERICAL", help);
+    let root_element = document.root_element();
+    let Some(end) = text.content[..root_element.range().end].rfind("</robot") else {
+        diagnostics.error(root.span, format!("{name} has no joints"), "a robot", "correct it");
+        return None;
+    };
+    let elements = || root_element.children().filter(|of| of.has_tag_name("joint"));
+    for joint in motors.iter().chain(joints) {
+        if !elements().any(|of| of.attribute("name") == joint.text()) {
+            let found = joint.text().map_or("an entry that is no name".to_owned(), quoted);
+            diagnostics.error(joint.span, found, format!("a joint of {name}"), "correct it");
+        }
     }
-    let is_ball = |name: Option<&str>| joints.iter().any(|of| of.text() == name);
-    let joints = document.root_element().children().filter(|of| of.has_tag_name("joint"));
-    for joint in joints.rev().filter(|of| is_ball(of.attribute("name"))) {
-        urdf.replace_range(joint.attribute_node("type")?.range_value(), "spherical");
+    if kinds.len() > pairs.len() {
+        let found = format!("{} types", kinds.len());
+        let expected = format!("one for each of {} closed loops", pairs.len());
+        diagnostics.error(kinds[pairs.len()].span, found, expected, "remove the others");
     }
     let mut added = String::new();
     for (k, pair) in pairs.iter().enumerate() {
@@ -59,9 +66,18 @@ pub(crate) fn convert(
         let of = format!("name=\"{name}\"");
         added += &format!("<transmission {of}><joint {of}/><actuator {of}/></transmission>\n");
     }
-    urdf.insert_str(urdf.rfind("</robot")?, &added);
+    let mut urdf = text.content.clone();
+    urdf.insert_str(end, &added);
+    if joints.len() != types.len() || types.iter().any(|of| of.text() != Some("SPHERICAL")) {
+        let help = "write its type into the URDF";
+        diagnostics.dynamics(root.span, "a joint of another type", "SPHERICAL", help);
+    }
+    let is_ball = |name: Option<&str>| joints.iter().any(|of| of.text() == name);
+    for joint in elements().rev().filter(|of| is_ball(of.attribute("name"))) {
+        urdf.replace_range(joint.attribute_node("type")?.range_value(), "spherical");
+    }
     (!diagnostics.has_errors()).then(|| Converted {
-        name: document.root_element().attribute("name").unwrap_or("robot").to_owned(),
+        name: root_element.attribute("name").unwrap_or("robot").to_owned(),
         urdf,
         submechanisms: "submechanisms: []\n".to_owned(),
         pose: None,

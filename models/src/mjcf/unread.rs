@@ -81,5 +81,12 @@ fn visit<'e>(
             diagnostics.dynamics(attribute.span, found, "an attribute that is known", help);
         }
     }
-    element.children.iter().for_each(|child| visit(child, (harmless, help), found, diagnostics));
+    for child in &element.children {
+        // a default that no element takes
+        if tag == "default" && !child.is_read.get() {
+            found.entry((child.name.as_str(), "")).or_insert((child.span, 0)).1 += 1;
+        } else {
+            visit(child, (harmless, help), found, diagnostics);
+        }
+    }
 }

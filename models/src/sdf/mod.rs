@@ -52,7 +52,7 @@ pub(crate) fn convert(
 ) -> Option<Converted> {
     let root = document::read(name, bytes, &mut Files::new(path, include), diagnostics)?;
     root.is_read.set(true);
-    let minor = root.text("version").and_then(|of| of.split('.').nth(1)?.parse::<u32>().ok());
+    let minor = root.text("version").and_then(|of| of.strip_prefix("1.")?.parse::<u32>().ok());
     let model = model(&root, diagnostics)?;
     let name = model.text("name").filter(|of| !of.is_empty()).unwrap_or("robot").to_owned();
     let mut robot = Robot {
@@ -103,12 +103,12 @@ fn model<'e>(root: &'e Element, diagnostics: &mut Diagnostics) -> Option<&'e Ele
     moving.first().copied()
 }
 
-/// A number; without it, and of ±1e16 or more, the usual one.
+/// A number; without it the usual one, and that is unlimited also of ±1e16 or more.
 fn number(of: Option<&Element>, name: &str, usual: f64, diagnostics: &mut Diagnostics) -> f64 {
     let written = of.and_then(|of| of.get(name));
     let written = written.filter(|of| usual.is_finite() || !of.value.contains("inf"));
     let found = written.and_then(|of| of.numbers(1, diagnostics)).map(|of| of[0]);
-    found.filter(|of| of.abs() < 1e16).unwrap_or(usual)
+    found.filter(|of| of.abs() < 1e16 || usual.is_finite()).unwrap_or(usual)
 }
 
 /// The pose of an element, and the element that holds it.

@@ -23,6 +23,8 @@ use crate::estimate::{answered, left_over, solved};
 
 /// Part of its length that a column adds to those before it from which on it is estimated.
 const IDENTIFIABLE: f64 = 1e-3;
+/// Noise of encoders, in radians or lengths of the robot, that no encoder has.
+const FAR: f64 = 0.1;
 /// Part of the largest column below which a column is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Gauss-Newton steps.
@@ -114,6 +116,9 @@ pub fn calibrate(
     let noise = left_over(&triangle, &vec![0.0; all.len()]);
     let freedoms = (measured - accepted.len()) as f64;
     let deviation = noise / freedoms.sqrt();
+    if deviation > FAR {
+        return Err(IdentifyError::Unexplained);
+    }
     let mut errors = vec![None; all.len()];
     let deviations = triangle.of_columns(&accepted).deviations();
     accepted.iter().zip(deviations).for_each(|(j, x)| errors[*j] = Some(x * deviation));

@@ -48,6 +48,9 @@ pub enum IdentifyError {
     /// A log whose columns are not the robot's.
     #[error("{0}")]
     Log(String),
+    /// Rows that no parameters explain.
+    #[error("no parameters explain the log; check its units and times, and the robot")]
+    Unexplained,
     /// No robot has the geometry that fits.
     #[error("the geometry that fits is that of no robot: {0}")]
     Geometry(String),

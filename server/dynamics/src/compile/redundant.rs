@@ -77,7 +77,7 @@ pub(super) fn choices(
 ) -> Vec<(Vec<usize>, Sample)> {
     let m = cluster.dependent.len();
     let mut found: Vec<(Vec<usize>, Sample)> = Vec::new();
-    if used.len() == cluster.rows.len() || m > SMALL {
+    if used.len() == cluster.rows.len() || m == 0 || m > SMALL {
         return found;
     }
     let ways = cluster.independent.iter().flat_map(|v| [(v, 1.0), (v, -1.0)]).take(2 * DIRECTIONS);

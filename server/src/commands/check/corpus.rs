@@ -1,6 +1,7 @@
 //! `sarrus check --corpus`: the robots below a folder.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sarrus_models::{LoadError, Options, Source, load};
@@ -11,6 +12,8 @@ use crate::commands::output::{Failure, Outcome, Results};
 const ENDINGS: [&str; 5] = ["urdf", "sdf", "smurf", "mjcf", "xml"];
 /// Outermost elements of those with the ending `xml`.
 const ELEMENTS: [&str; 3] = ["<mujoco>", "<mujoco ", "<robot"];
+/// Bytes in which the outermost element stands.
+const HEAD: u64 = 65_536;
 
 /// A line for each robot, in the order of the files' names, and the counts.
 pub(super) fn check(folder: &Path) -> Outcome {
@@ -58,7 +61,10 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
         if entry.file_type()?.is_dir() {
             collect(&path, files)?;
-        } else if ENDINGS.contains(&ending) && (ending != "xml" || is_robot(&path)) {
+        } else if path.is_file()
+            && ENDINGS.contains(&ending)
+            && (ending != "xml" || is_robot(&path))
+        {
             files.push(path);
         }
     }
@@ -66,7 +72,8 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
 }
 
 fn is_robot(path: &Path) -> bool {
-    let text = fs::read(path).unwrap_or_default();
-    let text = String::from_utf8_lossy(&text);
-    ELEMENTS.iter().any(|element| text.contains(element))
+    let mut head = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
+    let head = String::from_utf8_lossy(&head);
+    read.is_ok() && ELEMENTS.iter().any(|element| head.contains(element))
 }
