@@ -145,6 +145,10 @@ fn of_joint(of: &Description, joint: &Joint, is_ours: bool) -> String {
     for (name, value, _) in all.into_iter().filter(|(_, value, usual)| value != usual) {
         attribute(&mut dynamics, name, &number(value));
     }
+    // urdfdom refuses an element with neither
+    if !dynamics.is_empty() && !["damping", "friction"].iter().any(|of| dynamics.contains(of)) {
+        attribute(&mut dynamics, "damping", "0");
+    }
     if !dynamics.is_empty() && joint.kind != JointKind::Fixed {
         let _ = write!(text, "<dynamics{dynamics}/>");
     }

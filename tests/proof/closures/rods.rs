@@ -118,7 +118,7 @@ fn rods_hold_distances_as_their_three_rows_do() {
         "{count:?} platforms, states, states in double-double, states closed by one of both alone: \
          {worst:.1?} of what is allowed"
     );
-    assert!(count[0] > 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
+    assert!(count[0] >= 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
 }
 
 #[test]

@@ -138,7 +138,7 @@ impl Div for Dd {
     }
 }
 
-crate::assigned!(Dd);
+assigned!(Dd);
 
 impl Real for Dd {
     type Triple = Plain<Dd>;

@@ -106,7 +106,7 @@ impl<S: Real> Div for Dual<S> {
     }
 }
 
-crate::assigned!(Dual<S>, S: Real);
+assigned!(Dual<S>, S: Real);
 
 impl<S: Real> Real for Dual<S> {
     type Triple = Plain<Dual<S>>;

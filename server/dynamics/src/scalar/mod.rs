@@ -1,31 +1,5 @@
 //! The numbers that every kernel is written over.
 
-mod branch_value;
-mod constants;
-mod double_double;
-mod dual;
-mod elementary;
-mod lanes;
-mod noise;
-mod packet;
-mod triple;
-
-pub use branch_value::{BranchValue, DOUBTFUL};
-pub(crate) use constants::{Each, constants};
-pub use double_double::Dd;
-pub use dual::Dual;
-pub(crate) use lanes::FUSED;
-pub(crate) use noise::noise;
-pub use packet::LANES;
-pub(crate) use packet::{Divergence, Packet};
-pub use triple::{Plain, Six, Symmetric, Triple};
-
-use core::array;
-use core::fmt::Debug;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
-
-use wide::f64x4;
-
 /// `+=`, `-=` and `*=` of a scalar, by its `+`, `-` and `*`.
 #[macro_export]
 macro_rules! assigned {
@@ -52,6 +26,32 @@ macro_rules! assigned {
         }
     };
 }
+
+mod branch_value;
+mod constants;
+mod double_double;
+mod dual;
+mod elementary;
+mod lanes;
+mod noise;
+mod packet;
+mod triple;
+
+pub use branch_value::{BranchValue, DOUBTFUL};
+pub(crate) use constants::{Each, constants};
+pub use double_double::Dd;
+pub use dual::Dual;
+pub(crate) use lanes::FUSED;
+pub(crate) use noise::noise;
+pub use packet::LANES;
+pub(crate) use packet::{Divergence, Packet};
+pub use triple::{Plain, Six, Symmetric, Triple};
+
+use core::array;
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use wide::f64x4;
 
 /// A real number as kernels see it: `f64` and its packet of several states, double-double, dual
 /// and counting numbers.

@@ -152,7 +152,7 @@ macro_rules! operator {
 }
 
 operator!(Add add, Sub sub, Mul mul, Div div);
-crate::assigned!(Packet);
+assigned!(Packet);
 
 impl Neg for Packet {
     type Output = Packet;
