@@ -162,9 +162,6 @@ pub fn identify(
     }
     let physical = physical(description, model, &base, &all);
     let fitted = size(&[&all], &values);
-    if !physical.parameters.iter().all(|x| x.is_finite()) {
-        return Err(IdentifyError::Unexplained);
-    }
     // noise is divided by the rows, the estimate has taken as many as its parameters
     let deviation = fitted * (rows as f64 / (rows - excited.len()) as f64).sqrt();
     let mut errors = vec![None; n];

@@ -48,6 +48,9 @@ impl Identify {
                 error => Failure::finding(format!("{file}: {error}")),
             })?;
         if let Some(path) = &self.out {
+            if !estimate.prediction.physical.is_finite() {
+                return Err(Failure::finding(IdentifyError::Unexplained));
+            }
             let (urdf, _) = texts(&self.robot.source())?;
             let links: Vec<_> =
                 estimate.links.iter().map(|link| (link.name.as_str(), link.inertial)).collect();

@@ -31,6 +31,7 @@ def file(name: str) -> str:
 
 
 def description(package: ModuleType, name: str) -> ModuleType:
+    """The module of a description, which knows its files."""
     known = [of.name for of in pkgutil.iter_modules(package.__path__)]
     if name not in known or not name.endswith("_description"):
         near = get_close_matches(name, [of for of in known if of.endswith("_description")], 1)

@@ -56,6 +56,7 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
             && single
             && !numerical.meets
             && (1..=MOST).contains(&cluster.n_vy)
+            && !cluster.dependent.is_empty()
         {
             chosen.push((c, numerical));
         }
