@@ -48,11 +48,22 @@ fn answers<T: PlanScalar>(
     y: &[f64],
     yd: &[f64],
 ) -> Option<(Fields<T>, Fields<T>)> {
+    answers_near(model, None, y, yd)
+}
+
+/// `answers` from a guess of q.
+fn answers_near<T: PlanScalar>(
+    model: &Model<T>,
+    guess: Option<&[T]>,
+    y: &[f64],
+    yd: &[f64],
+) -> Option<(Fields<T>, Fields<T>)> {
     let of = |x: &[f64]| x.iter().map(|x| T::from_f64(*x)).collect::<Vec<T>>();
     let y = of(y);
     let yd = of(yd);
     let ydd = yd.clone();
-    let motion: [(Field, &[T]); 3] = [(Y, &y), (Yd, &yd), (Ydd, &ydd)];
+    let mut motion: Vec<(Field, &[T])> = vec![(Y, &y), (Yd, &yd), (Ydd, &ydd)];
+    motion.extend(guess.map(|guess| (QGuess, guess)));
     let mut robot = Robot::new(model.clone());
     let state = robot.ask(Request::Kinematics, &motion, &STATE);
     let forces = robot.ask(Request::InverseDynamics, &motion, &[TauQ, TauY, Lambda]);

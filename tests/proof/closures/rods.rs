@@ -1,6 +1,7 @@
 //! Platforms on rods that only hold distances, recognised by geometry, against Newton's method on
 //! all of their rows.
 
+use sarrus_dynamics::Field::Q;
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_tests::cases::Case;
@@ -8,7 +9,7 @@ use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add, cross, unit};
 use sarrus_tests::seed::Seeded;
 
-use super::{Fields, X, Y_AXIS, Z, answers, numerical, share};
+use super::{Fields, X, Y_AXIS, Z, answers, answers_near, numerical, share};
 
 /// A platform on six rods from three cranks, parallel pairs or not; cranks, or joints of the
 /// platform, are independent. The universal joint of a rod is at either end.
@@ -107,7 +108,9 @@ fn rods_hold_distances_as_their_three_rows_do() {
             // both are rounded
             worst[0] = worst[0].max(share(&mine, &newtons, 2.0 * epsilon, draft.scale));
             if k % 20 == 0 {
-                let exact = answers::<Dd>(&form.exact, &y, &yd).expect("a pose of doubles");
+                // without a table it might not find the way from the zero pose
+                let near = Some(mine.0.get(Q));
+                let exact = answers_near(&form.exact, near, &y, &yd).expect("a pose of doubles");
                 worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
                 count[2] += 1;
             }
@@ -118,7 +121,7 @@ fn rods_hold_distances_as_their_three_rows_do() {
         "{count:?} platforms, states, states in double-double, states closed by one of both alone: \
          {worst:.1?} of what is allowed"
     );
-    assert!(count[0] >= 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
+    assert!(count[0] > 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
 }
 
 #[test]

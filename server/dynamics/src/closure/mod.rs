@@ -39,7 +39,9 @@ pub(crate) use numerical::block::{Block, BlockCut, Blocks, RowKind};
 pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
-pub(crate) use numerical::{End, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw};
+pub(crate) use numerical::{
+    End, FEW_STEPS, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw,
+};
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
 pub(crate) use planar::{LoopJoint, Planar, TwoLinks};

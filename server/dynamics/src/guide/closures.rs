@@ -220,8 +220,8 @@
 //! ```text
 //!   φ = ½ (|d|² − ℓ²) / ℓ,    φ̇ = d · ḋ / ℓ,    φ̈ = (d · d̈ + ḋ · ḋ) / ℓ
 //! ```
-//! Two steps of Newton's method from the table solve these rows, by the rule of acceptance of all
-//! of them; the inverse of the second, with one step of refinement, serves G and g. n and m follow
+//! Two or three steps of Newton's method from the table solve these rows, by the rule of acceptance
+//! of all; the inverse of the last, with one step of refinement, serves G and g. n and m follow
 //! as those of a rod of 2SURRPR+1U. Singular where the rows are, and where z = 0, the rod along the
 //! first axis of its universal joint; the declared rows are so too.
 //!

@@ -3,7 +3,6 @@
 use sarrus_proto::Status;
 
 use crate::closure::numerical::Numerical;
-use crate::closure::numerical::rods::STEPS;
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::{Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr, Validity};
 use crate::mechanism::{Body, Cluster, Dof, Winding};
@@ -102,6 +101,14 @@ impl<T> Formed<T> {
             Form::Platform(_) | Form::Planar(_) | Form::Rrpr(_) | Form::Dyads(_) => &[],
         }
     }
+
+    /// Takes more steps from the table; false where it takes most or none.
+    pub(crate) fn lengthen(&mut self) -> bool {
+        match &mut self.form {
+            Form::Rods(rods) => rods.lengthen(),
+            _ => false,
+        }
+    }
 }
 
 impl<T: Real> Formed<T> {
@@ -157,7 +164,7 @@ impl<T: Real> Formed<T> {
         let (validity, iterations) = match form {
             Form::Planar(planar) => (planar.close(local, level), 0),
             Form::Rrpr(rrpr) => (rrpr.close(local, level), 0),
-            Form::Rods(rods) => (rods.close(cluster, bodies, local, level), STEPS as u32),
+            Form::Rods(rods) => (rods.close(cluster, bodies, local, level), rods.steps as u32),
             Form::Platform(_) | Form::Dyads(_) => (Validity::fine(), 0),
         };
         self.wind(local);

@@ -37,7 +37,7 @@ use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 pub(crate) use form::{Form, Formed};
-pub(crate) use rods::{Mover, Rod, Rods, screw};
+pub(crate) use rods::{FEW_STEPS, Mover, Rod, Rods, screw};
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;

@@ -22,8 +22,10 @@ use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
 use crate::spatial::{Matrix, Pose, zero};
 
-/// Steps from a seed, each by an elimination of its own; the second's inverse serves the rates too.
-pub(super) const STEPS: usize = 2;
+/// Steps from a seed, each by an elimination of its own: few where a table is fine enough, else
+/// most. The last one's inverse serves the rates too.
+pub(crate) const FEW_STEPS: usize = 2;
+const MOST_STEPS: usize = 3;
 /// Roundings below which the last step may stay.
 const ROUNDINGS: f64 = 64.0;
 /// Least pivot against the size of its column: a smaller one costs more digits than one step of
@@ -47,12 +49,14 @@ pub(crate) struct Rods<T> {
     pub(crate) found: Vec<(usize, usize)>,
     /// Sign of the determinant at the zero pose.
     pub(crate) sign: f64,
+    /// Steps from a seed.
+    pub(crate) steps: usize,
     /// Squares of the columns' norms if the rods were along the velocities of their ends.
     pub(crate) sizes: Vec<f64>,
 }
 
 constants! { Rods:
-    keep unknowns before moving given turned found sign sizes;
+    keep unknowns before moving given turned found sign steps sizes;
     each rods;
 }
 
@@ -127,6 +131,13 @@ impl<T: Real> Rod<T> {
         let (v_ball, a_ball) = of(self.bodies[1], at.ball);
         let (v_center, a_center) = of(self.bodies[0], at.ball - at.d);
         [v_ball - v_center, a_ball - a_center]
+    }
+}
+
+impl<T> Rods<T> {
+    /// Takes most steps; false where it does so already.
+    pub(crate) fn lengthen(&mut self) -> bool {
+        core::mem::replace(&mut self.steps, MOST_STEPS) < MOST_STEPS
     }
 }
 
@@ -220,10 +231,11 @@ impl<T: Real> Rods<T> {
         let unit = T::from_f64(1.0 / cluster.length);
         let mut good = true;
         let mut gain = T::ONE;
-        let mut sizes = [T::ZERO; STEPS];
+        let mut sizes = [T::ZERO; MOST_STEPS];
+        let sizes = &mut sizes[..self.steps];
         for (k, size) in sizes.iter_mut().enumerate() {
             // Δ = A⁻¹ φ, q ← q − Δ
-            let is_last = k + 1 == STEPS;
+            let is_last = k + 1 == self.steps;
             let Scratch { pose, screw, A, inverse, phi, step, .. } = &mut *local.scratch;
             for (phi, rod) in phi.iter_mut().zip(&self.rods) {
                 *phi = rod.residual(&rod.at(pose));
@@ -429,16 +441,19 @@ fn times<T: Real>(matrix: &[T], m: usize, i: usize, x: &[T], start: T) -> T {
 }
 
 /// The rule of [`super::newton`] for steps of these sizes; besides, the error after the last,
-/// s_1³ / s_0², is below a sixteenth of the roundoff or the step itself roundoff, and an inverse
-/// before it is half as accurate as one after it, at least.
+/// s_k³ / s_{k−1}², is below a sixteenth of the roundoff or the step itself roundoff, and an
+/// inverse before it is half as accurate as one after it, at least.
 #[inline(always)]
-fn accepts<T: Real>([first, last]: [T; STEPS], gain: T) -> bool {
+fn accepts<T: Real>(sizes: &[T], gain: T) -> bool {
+    let [first, before, last] = [0, sizes.len() - 2, sizes.len() - 1].map(|k| sizes[k]);
     let rounding = T::from_f64(ROUNDINGS * T::EPSILON);
     let sixteenth = T::from_f64(T::EPSILON / 16.0);
-    let left = (first * first * sixteenth).larger(rounding * rounding * rounding);
+    let left = (before * before * sixteenth).larger(rounding * rounding * rounding);
+    let contracts = |[a, b]: [T; 2]| b.lt((a * T::from_f64(CONTRACTION)).larger(rounding));
     first.lt(T::from_f64(TRUST))
         & (first * first * gain).lt(T::from_f64(CAUTION * CAUTION))
-        & last.lt((first * T::from_f64(CONTRACTION)).larger(rounding))
+        & contracts([first, sizes[1]])
+        & contracts([before, last])
         & last.lt(T::from_f64(T::EPSILON.cbrt()))
         & (last * last * gain).lt(T::from_f64(T::EPSILON))
         & (last * last * last).lt(left)

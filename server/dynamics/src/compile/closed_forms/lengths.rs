@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::{Mover, Rod, Rods, Universal, screw};
+use crate::closure::{FEW_STEPS, Mover, Rod, Rods, Universal, screw};
 use crate::compile::closed_forms::{Deviation, Reading, Subject, is_ball, platform, sign};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
@@ -68,6 +68,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<(Rods<Dd>, Vec<Deviation>), Strin
         turned: places(&unknowns),
         found: places(&found),
         sign: 1.0,
+        steps: FEW_STEPS,
         sizes: Vec::new(),
     };
     form.order(of)?;

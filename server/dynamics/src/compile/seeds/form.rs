@@ -49,17 +49,21 @@ impl Table<'_> {
             }
         }
         self.form = Some(form.clone());
-        let holds = used().all(|place| {
-            let mut center = center(&seeds.axes, zero, &place);
-            let at_center =
-                self.seed(seeds, zero, &mut center) && self.form_is_at(&form, &center, 2.0 * ERROR);
-            at_center
-                && corners.corners(&place).all(|corner| {
-                    let at_corner = |node: &Node| self.form_is_at(&form, &node.q, AGREES);
-                    nodes[corner].as_ref().is_some_and(at_corner)
-                })
-        });
-        holds.then_some(form)
+        loop {
+            let holds = used().all(|place| {
+                let mut center = center(&seeds.axes, zero, &place);
+                let at_center = self.seed(seeds, zero, &mut center)
+                    && self.form_is_at(&form, &center, 2.0 * ERROR);
+                at_center
+                    && corners.corners(&place).all(|corner| {
+                        let at_corner = |node: &Node| self.form_is_at(&form, &node.q, AGREES);
+                        nodes[corner].as_ref().is_some_and(at_corner)
+                    })
+            });
+            if holds || !form.lengthen() {
+                return holds.then_some(form);
+            }
+        }
     }
 
     /// True if the closed form gives a pose's dependents from its independents.
