@@ -145,8 +145,9 @@ fn of_joint(of: &Description, joint: &Joint, is_ours: bool) -> String {
     for (name, value, _) in all.into_iter().filter(|(_, value, usual)| value != usual) {
         attribute(&mut dynamics, name, &number(value));
     }
-    // urdfdom refuses an element with neither
-    if !dynamics.is_empty() && !["damping", "friction"].iter().any(|of| dynamics.contains(of)) {
+    // urdfdom refuses an element with neither damping nor friction
+    let is_free = terms.damping == 0.0 && terms.friction.coulomb == 0.0;
+    if is_free && !dynamics.is_empty() {
         attribute(&mut dynamics, "damping", "0");
     }
     if !dynamics.is_empty() && joint.kind != JointKind::Fixed {

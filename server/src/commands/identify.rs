@@ -49,7 +49,8 @@ impl Identify {
             })?;
         if let Some(path) = &self.out {
             if !estimate.prediction.physical.is_finite() {
-                return Err(Failure::finding(IdentifyError::Unexplained));
+                let error = IdentifyError::Unexplained;
+                return Err(Failure::finding(format!("{file}: {error}")));
             }
             let (urdf, _) = texts(&self.robot.source())?;
             let links: Vec<_> =

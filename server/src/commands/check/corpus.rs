@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use sarrus_models::{LoadError, Options, Source, load};
+use sarrus_models::{Options, Source, load};
 
 use crate::commands::output::{Failure, Outcome, Results};
 
@@ -30,16 +30,13 @@ pub(super) fn check(folder: &Path) -> Outcome {
         let outcomes = [("ok", false), ("lenient", true)];
         let attempt = |lenient| load(&source, &Options { lenient, ..Options::default() });
         let mut reason = String::new();
-        let found = outcomes.iter().position(|(_, lenient)| match attempt(*lenient) {
-            Ok(_) => true,
-            Err(LoadError::Faults(report)) => {
-                reason = report.errors.first().map(ToString::to_string).unwrap_or_default();
-                false
+        let found = outcomes.iter().position(|(_, lenient)| {
+            let fault = attempt(*lenient).map_err(|error| error.to_string());
+            // a report has a line for each fault
+            if let Err(lines) = &fault {
+                reason = lines.lines().next().unwrap_or_default().to_owned();
             }
-            Err(other) => {
-                reason = other.to_string();
-                false
-            }
+            fault.is_ok()
         });
         counts[found.unwrap_or(2)] += 1;
         let name = file.strip_prefix(folder).unwrap_or(file).display();

@@ -90,9 +90,10 @@ fn one(cases: &mut Cases, robot: &Robot, value: f64, asked: &str, target: &Targe
             (0..3).map(square).sum::<f64>().sqrt()
         };
         let ways: Vec<f64> = target.places.iter().map(away).collect();
-        let told = ways.iter().zip(planned.get(TaskResidual)).map(|(way, told)| (way - told).abs());
+        let residuals = planned.get(TaskResidual);
+        let apart = ways.iter().zip(residuals).map(|(way, residual)| (way - residual).abs());
         let worst = ways.iter().copied().fold(0.0, f64::max);
-        let is_told = told.fold(0.0, f64::max) <= HELD;
+        let is_told = apart.fold(0.0, f64::max) <= HELD;
         let error = if answer.status == Status::Ok { worst } else { worst - target.least };
         (error, is_told && !target.is_empty)
     } else {
