@@ -271,7 +271,7 @@ impl Asked {
         })
     }
 
-    /// The same as a batch.
+    /// A batch of the same inputs.
     fn batch(&self) -> Many {
         Many::of(&self.model, self.plan.clone(), self.inputs.iter().cycle().take(ROWS))
     }

@@ -14,7 +14,7 @@ mod squeezer;
 use sarrus_dynamics::{Compiled, Field, FieldSet, Query, Request};
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::run::Robot;
-pub(crate) use squeezer::SQUEEZER;
+pub(crate) use squeezer::{SQUEEZER, SQUEEZER_END};
 
 use Field::*;
 

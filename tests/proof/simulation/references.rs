@@ -9,7 +9,7 @@ use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::assert_close;
 
 use super::*;
-use crate::published::SQUEEZER;
+use crate::published::{SQUEEZER, SQUEEZER_END};
 
 fn squeezer() -> Robot {
     let mut robot = Robot::bundled("squeezer");
@@ -24,15 +24,7 @@ fn squeezer() -> Robot {
 
 #[test]
 fn the_squeezer_arrives_as_published_by_an_implicit_and_an_explicit_method() {
-    let q = [
-        15.81077119629904,
-        -15.75637105984298,
-        0.04082224013073101,
-        -0.5347301163226948,
-        0.5244099658805304,
-        0.5347301163226948,
-        1.048080741042263,
-    ];
+    let q = SQUEEZER_END;
     let v = [
         1139.920302151208,
         -1424.379294994111,
