@@ -6,7 +6,7 @@ use crate::assembly::assemble_contents;
 use crate::assembly_report::AssemblyReport;
 use crate::contents::Contents;
 use crate::error::LoadError;
-use crate::load::{Loaded, Options, load_contents};
+use crate::load::{Loaded, Options, load_contents, urdf_alone};
 use crate::mjcf::{self, Converted};
 use crate::report::{Diagnostics, Report, Span};
 use crate::suggest::suggest_for;
@@ -58,8 +58,8 @@ pub struct Imported {
 }
 
 /// Converts a robot of MJCF, SDF or Gepetto's tools, or a URDF with the loops of some dialect;
-/// `expanded` stands for the file's text. Files that it names are read below its folder or a folder
-/// of `include`.
+/// `expanded` stands for the file's text, as `xacro` and converters of other formats give it. Files
+/// that it names are read below its folder or a folder of `include`.
 ///
 /// # Errors
 /// Files that cannot be read, and parts that cannot be expressed; the report then has the notes
@@ -71,14 +71,14 @@ pub fn import(
     options: &Options,
 ) -> Result<Imported, LoadError> {
     let (file, bytes) = match expanded {
-        Some(bytes) => (path.display().to_string(), bytes),
+        Some(bytes) => (format!("{}, expanded", path.display()), bytes),
         None => text::read(path)?,
     };
     let mut diagnostics = Diagnostics::new(options.lenient);
-    let made = match converter(&bytes) {
-        Some(_) => converted(Some(path), (&file, bytes), include, options, &mut diagnostics),
-        None => Some(of_urdf(file, bytes, options)?),
-    };
+    if converter(&bytes).is_none() {
+        urdf_alone((file.clone(), bytes.clone()), options)?;
+    }
+    let made = converted(Some(path), (&file, bytes), include, options, &mut diagnostics);
     let Some(Made { name, contents, residual, keyframe }) = made else {
         return Err(LoadError::Faults(diagnostics.into_report()));
     };
@@ -116,13 +116,16 @@ struct Made {
     keyframe: Option<(String, AssemblyReport)>,
 }
 
-fn of_urdf(file: String, bytes: Vec<u8>, options: &Options) -> Result<Made, LoadError> {
-    let contents = Contents { urdf: (file, bytes), submechanisms: None, folder: None };
-    let yaml = suggest_for(contents.clone(), options, false)?.yaml.into_bytes();
-    let submechanisms = Some(("suggested.yml".to_owned(), yaml));
-    let contents = Contents { submechanisms, ..contents };
-    let residual = closed(&contents, options, None).map(|found| found.residual_before);
-    Ok(Made { name: "robot".to_owned(), contents, residual, keyframe: None })
+/// A URDF, with the loops of some dialect, as it is.
+fn of_urdf(bytes: &[u8]) -> Converted {
+    let urdf = String::from_utf8_lossy(bytes).into_owned();
+    Converted {
+        name: "robot".to_owned(),
+        submechanisms: "submechanisms: []\n".to_owned(),
+        pose: None,
+        is_driven: ["<actuator", "<command_interface"].iter().any(|of| urdf.contains(of)),
+        urdf,
+    }
 }
 
 /// The files of a model: independent joints by the rule of [`crate::suggest`], and the nearest
@@ -134,11 +137,16 @@ fn converted(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Option<Made> {
-    let convert = converter(&named.1)?;
-    let Converted { name, urdf, submechanisms, pose, is_driven } =
-        convert(path, named, include, diagnostics)?;
+    let (file, found) = match converter(&named.1) {
+        Some(convert) => {
+            let found = convert(path, named, include, diagnostics)?;
+            (format!("{}.urdf", found.name), found)
+        }
+        None => (named.0.to_owned(), of_urdf(&named.1)),
+    };
+    let Converted { name, urdf, submechanisms, pose, is_driven } = found;
     let mut contents = Contents {
-        urdf: (format!("{name}.urdf"), urdf.into_bytes()),
+        urdf: (file, urdf.into_bytes()),
         submechanisms: Some((format!("{name}.yml"), submechanisms.into_bytes())),
         folder: None,
     };

@@ -48,8 +48,8 @@ mod native {
     use crate::drives::PyDrives;
     #[pymodule_export]
     use crate::dynamics::{
-        PyOrigin, PyQuery, PyRobot, bundled_names, forked, refuse_masked, status_help, statuses,
-        warning_bits,
+        PyOrigin, PyQuery, PyRobot, bundled_names, forked, imported, refuse_masked, status_help,
+        statuses, warning_bits,
     };
     #[pymodule_export]
     use crate::frames::PyFrame;

@@ -80,7 +80,6 @@ pub(super) fn kind(written: &str) -> Option<CutJoint> {
         "continuous" | "hinge" => named("revolute"),
         "ball" => named("spherical"),
         "fixed" => named("weld"),
-        "planar_revolute" => None,
         _ => named(written),
     }
 }

@@ -12,16 +12,22 @@ use sarrus_models::{Imported, LoadError, Report, import};
 use super::output::{Failure, Outcome, Results, file_name, labelled, write_new};
 use super::robot::{diagnostics, notes};
 
-/// Longest time of the program `xacro`.
-const XACRO: Duration = Duration::from_secs(60);
+/// Longest time of a program that reads a file.
+const LONGEST: Duration = Duration::from_secs(60);
+/// Endings of files that the Python package converts.
+const OF_PYTHON: [&str; 5] = ["lua", "usd", "usda", "usdc", "usdz"];
 
 /// Flags of `import`.
 #[derive(Args)]
 pub(crate) struct Import {
-    /// Files of MJCF or SDF, YAML files of Gepetto's tools beside their URDF, or URDF files with
-    /// loops in the elements of other programs; one for each robot.
-    #[arg(value_name = "FILE", required = true)]
+    /// Files of MJCF or SDF, YAML files of Gepetto's tools beside their URDF, URDF files with loops
+    /// in the elements of other programs, or files of Lua (RBDL) or USD; one for each robot.
+    #[arg(value_name = "FILE", required_unless_present = "description")]
     files: Vec<PathBuf>,
+    /// A robot of the Python package `robot_descriptions`, as `g1_description`. May be given
+    /// several times.
+    #[arg(long, value_name = "NAME")]
+    description: Vec<String>,
     /// The folder for NAME.urdf and NAME.yml of each robot; existing files stay.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -41,8 +47,13 @@ impl Import {
     pub(crate) fn run(self) -> Outcome {
         let options = Options { lenient: self.lenient, ..Options::default() };
         let mut results = Results { text: String::new(), code: 0 };
-        for file in &self.files {
-            let expanded = self.xacro.then(|| expand(file)).transpose()?;
+        let mut files = self.files.clone();
+        for name in &self.description {
+            let path = output_of(python("sarrus.descriptions").arg(name))?;
+            files.push(String::from_utf8_lossy(&path).trim_end().into());
+        }
+        for file in &files {
+            let expanded = self.expand(file)?;
             let imported = match import(file, expanded, &self.include_dir, &options) {
                 Ok(imported) => imported,
                 Err(LoadError::Faults(report)) => {
@@ -57,6 +68,21 @@ impl Import {
             results.code |= u8::from(!imported.report.errors.is_empty());
         }
         Ok(results)
+    }
+
+    /// The text of a file that another program reads.
+    fn expand(&self, file: &Path) -> Result<Option<Vec<u8>>, Failure> {
+        let ending = file.extension().unwrap_or_default().to_ascii_lowercase();
+        if self.xacro {
+            return output_of(Command::new("xacro").arg(file)).map(Some);
+        }
+        if !OF_PYTHON.iter().any(|of| ending == *of) {
+            return Ok(None);
+        }
+        let mut program = python("sarrus.convert");
+        self.include_dir.iter().for_each(|of| _ = program.arg("--include-dir").arg(of));
+        program.args(self.lenient.then_some("--lenient")).arg("--").arg(file);
+        output_of(&mut program).map(Some)
     }
 
     /// Writes both files; their names, and the facts about the closed robot.
@@ -94,12 +120,23 @@ fn in_words(report: &Report) -> String {
     notes(&report.notes) + &diagnostics(&report.errors, &report.warnings)
 }
 
-/// The text of a file as `xacro` expands it; its words go to stderr.
-fn expand(file: &Path) -> Result<Vec<u8>, Failure> {
-    let failed = |why: String| Failure::start(format!("xacro {}: {why}", file.display()));
-    let broken = |error: std::io::Error| failed(format!("{error}; install it: pip install xacro"));
-    let mut program = Command::new("xacro");
-    program.arg(file).stdin(Stdio::null()).stdout(Stdio::piped());
+/// A module of the Python package, for the interpreter that `SARRUS_PYTHON` names, or `python3`.
+fn python(module: &str) -> Command {
+    let named = std::env::var_os("SARRUS_PYTHON").unwrap_or_else(|| "python3".into());
+    let mut program = Command::new(named);
+    program.args(["-m", module]);
+    program
+}
+
+/// The output of a program; its words go to stderr.
+fn output_of(program: &mut Command) -> Result<Vec<u8>, Failure> {
+    let words: Vec<_> = [program.get_program()].into_iter().chain(program.get_args()).collect();
+    let words = words.join(" ".as_ref()).display().to_string();
+    let package = if words.starts_with("xacro") { "xacro" } else { "sarrus" };
+    let failed = |why: String| Failure::start(format!("{words}: {why}"));
+    let broken =
+        |error: std::io::Error| failed(format!("{error}; install it: pip install {package}"));
+    program.stdin(Stdio::null()).stdout(Stdio::piped());
     let mut child = program.spawn().map_err(broken)?;
     let text = child.stdout.take().map(|mut stream| {
         std::thread::spawn(move || {
@@ -109,9 +146,9 @@ fn expand(file: &Path) -> Result<Vec<u8>, Failure> {
     });
     let start = Instant::now();
     while child.try_wait().map_err(broken)?.is_none() {
-        if start.elapsed() > XACRO {
+        if start.elapsed() > LONGEST {
             child.kill().and_then(|()| child.wait()).map_err(broken)?;
-            return Err(failed(format!("it takes more than {} s", XACRO.as_secs())));
+            return Err(failed(format!("it takes more than {} s", LONGEST.as_secs())));
         }
         std::thread::sleep(Duration::from_millis(10));
     }

@@ -1,7 +1,11 @@
-"""Files of the package `robot_descriptions`, by name."""
+"""Files of the package `robot_descriptions`, by name.
+
+`python -m sarrus.descriptions NAME` prints the file, for `sarrus import --description NAME`.
+"""
 
 import importlib
 import pkgutil
+import sys
 from difflib import get_close_matches
 from types import ModuleType
 
@@ -38,3 +42,10 @@ def description(package: ModuleType, name: str) -> ModuleType:
         hint = f"; did you mean {near[0]}?" if near else ""
         raise LoadError(f"{PACKAGE} has no description {name!r}{hint}", [])
     return importlib.import_module(f"{PACKAGE}.{name}")
+
+
+if __name__ == "__main__":
+    try:
+        print(file(sys.argv[1]))
+    except (LoadError, ModuleNotFoundError) as fault:
+        sys.exit(f"error: {fault}")

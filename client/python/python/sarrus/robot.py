@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sarrus import _native, descriptions
+from sarrus import _native, convert, descriptions
 from sarrus.errors import LoadError, QueryError, StateWarning
 from sarrus.options import GRAVITY, contents, parts
 from sarrus.page import Page
@@ -76,13 +76,20 @@ class Robot(TaskRobot):
         """Load a robot from its files into this process.
 
         Without a submechanism file every joint is independent and active; a file of MJCF or SDF in
-        place of the URDF, or YAML of Gepetto's tools, holds both. `gravity` is in root axes [m/s²];
-        with `lenient` faults of inertia and effects that are not modelled are warnings;
-        `floating_base` hangs the root on a free joint; `lock` fixes joints at a position or at
-        zero; `only` keeps these links and the links that their motion depends on. A `LoadError` has
-        every fault of the files.
+        place of the URDF, YAML of Gepetto's tools, Lua of RBDL or USD holds both. `gravity` is in
+        root axes [m/s²]; with `lenient` faults of inertia and effects that are not modelled are
+        warnings; `floating_base` hangs the root on a free joint; `lock` fixes joints at a position
+        or at zero; `only` keeps these links and the links that their motion depends on. A
+        `LoadError` has every fault of the files; a `ModuleNotFoundError` names the package that
+        reads Lua (`lupa`) or USD (`usd-core`).
         """
         options = parts(gravity, lenient, floating_base, lock, only)
+        if convert.reads(urdf):
+            text = convert.convert(urdf, lenient=lenient).text()
+            texts = _native.imported(urdf, text, lenient)
+            if submechanisms is not None:
+                texts = text, Path(submechanisms).read_bytes()
+            return cls(_native.Origin.text(*texts, options))
         return cls(_native.Origin.files(urdf, submechanisms, options))
 
     @classmethod

@@ -20,7 +20,7 @@ mod simulation;
 pub(crate) use arrays::refuse_masked;
 pub(crate) use batch::forked;
 pub(crate) use errors::load_error;
-pub(crate) use origin::{PyOrigin, bundled_names};
+pub(crate) use origin::{PyOrigin, bundled_names, imported};
 pub(crate) use query::PyQuery;
 pub(crate) use robot::PyRobot;
 pub(crate) use shared::{status_help, statuses, warning_bits};

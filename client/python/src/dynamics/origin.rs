@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sarrus_client::{ConnectOptions, Lock, Options, Robot, Source, Transport, WaitStrategy};
-use sarrus_models::{Base, Loaded, load, texts};
+use sarrus_models::{Base, Loaded, import, load, texts};
 use sarrus_serve::record::RecordedRobot;
 
 use super::errors::{load_error, robot_error};
@@ -169,6 +169,20 @@ impl PyOrigin {
 
 fn unknown(what: &str, found: &str, expected: &str) -> PyErr {
     PyValueError::new_err(format!("{what} is `{found}`, expected {expected}"))
+}
+
+/// URDF and submechanisms of a URDF with loops, with the independent joints that `sarrus import`
+/// chooses.
+#[pyfunction]
+pub(crate) fn imported(
+    py: Python<'_>,
+    file: PathBuf,
+    urdf: Vec<u8>,
+    lenient: bool,
+) -> PyResult<(Vec<u8>, Vec<u8>)> {
+    let options = Options { lenient, ..Options::default() };
+    let found = import(&file, Some(urdf), &[], &options).map_err(|error| load_error(py, error))?;
+    Ok((found.urdf, found.submechanisms))
 }
 
 /// Names of the bundled robots, each with one line about it.

@@ -1,0 +1,394 @@
+"""Robots of Lua (RBDL) and USD, where the packages that read these are installed."""
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import sarrus
+from sarrus import convert
+
+HAS_LUA = importlib.util.find_spec("lupa") is not None
+HAS_USD = importlib.util.find_spec("pxr") is not None
+
+# the mechanism of appendix A of the base document, with inertias that a body can have
+RRPR = """
+l1, l2, J3 = 114.02/1000, 364.97/1000, 297.39/1000
+q1 = math.acos((l1^2 + l2^2 - J3^2)/(2*l1*l2))
+q2 = math.acos((l2*math.cos(q1) - l1)/J3)
+local function body(m, l) -- a rod along y
+    local I = m*l*l/12
+    return { mass = m, com = {0, l/2, 0}, inertia = {{I, 0, 0}, {0, 0, 0}, {0, 0, I}} }
+end
+local function turned(q, y)
+    local c, s = math.cos(q), math.sin(q)
+    return { r = {0, y, 0}, E = {{1, 0, 0}, {0, c, s}, {0, -s, c}} }
+end
+joints = { revX = {{1, 0, 0, 0, 0, 0}}, prsY = {{0, 0, 0, 0, 1, 0}}, fixed = {} }
+local function row(axis, name)
+    return { constraint_type = 'loop', predecessor_body = 'B1', successor_body = 'B3',
+             predecessor_transform = { r = {0, l2, 0} }, axis = axis, name = name }
+end
+model = {
+    gravity = {0, -9.81, 0},
+    frames = {
+        { name = 'base', parent = 'ROOT', body = body(1, l1), joint = joints.fixed },
+        { name = 'B1', parent = 'base', body = body(1.5, l2), joint = joints.revX,
+          joint_frame = turned(q1, 0), visuals = {} },
+        { name = 'B2', parent = 'base', body = body(0.7, J3), joint = joints.revX,
+          joint_frame = turned(q2, l1) },
+        { name = 'B3', parent = 'B2', body = body(0.4, 0.1), joint = joints.prsY,
+          joint_frame = { r = {0, J3, 0} } },
+    },
+    constraint_sets = { loop_constraints = {
+        row({0, 0, 0, 0, 1, 0}, 'loopTY'), row({0, 0, 0, 0, 0, 1}, 'loopTZ') } },
+}
+return model
+"""
+
+
+def rrpr_mass(y: float) -> float:
+    """Twice the kinetic energy of the mechanism at a rate of one, by differences of poses."""
+    l1, l2, j3 = 0.11402, 0.36497, 0.29739
+    q1 = np.arccos((l1**2 + l2**2 - j3**2) / (2 * l1 * l2))
+
+    def points(y: float) -> list[tuple[complex, float]]:
+        tip = l2 * np.exp(1j * (q1 + y))
+        along = tip - l1
+        unit = along / abs(along)
+        turn = np.angle(along)
+        centers = 0.5 * l2 * np.exp(1j * (q1 + y)), l1 + 0.5 * j3 * unit, tip + 0.05 * unit
+        return list(zip(centers, (q1 + y, turn, turn), strict=True))
+
+    h = 1e-5
+    sizes = (1.5, 1.5 * l2**2 / 12), (0.7, 0.7 * j3**2 / 12), (0.4, 0.4 * 0.01 / 12)
+    total = 0.0
+    for (p, a), (q, b), (mass, inertia) in zip(points(y + h), points(y - h), sizes, strict=True):
+        total += mass * abs((p - q) / (2 * h)) ** 2 + inertia * ((a - b) / (2 * h)) ** 2
+    return total
+
+
+STAGE = """#usda 1.0
+( defaultPrim = "four"
+  metersPerUnit = 0.01
+  upAxis = "Z" )
+def Xform "four" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])
+{
+    def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    { BODY
+      float physics:mass = 2
+      point3f physics:centerOfMass = (0, 0, 0) }
+    def Xform "crank" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    { double3 xformOp:translate = (0, 0, 10)
+      uniform token[] xformOpOrder = ["xformOp:translate"]
+      BODY
+      float physics:mass = 1
+      point3f physics:centerOfMass = (0, 0, 0) }
+    def Xform "coupler" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    { double3 xformOp:translate = (20, 0, 20)
+      float3 xformOp:scale = (2, 2, 2)
+      uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+      BODY
+      quatf physics:principalAxes = (0.5, 0.5, 0.5, 0.5)
+      float physics:mass = 1.5
+      point3f physics:centerOfMass = (0.5, 0, 0) }
+    def Xform "rocker" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    { double3 xformOp:translate = (40, 0, 10)
+      uniform token[] xformOpOrder = ["xformOp:translate"]
+      BODY
+      float physics:mass = 1
+      point3f physics:centerOfMass = (0, 0, 2) }
+    def PhysicsRevoluteJoint "a" (prepend apiSchemas = ["PhysicsDriveAPI:angular"])
+    { uniform token physics:axis = "Y"
+      rel physics:body0 = </four/base>
+      rel physics:body1 = </four/crank>
+      point3f physics:localPos1 = (0, 0, -10)
+      float physics:lowerLimit = -60
+      float physics:upperLimit = 60
+      float drive:angular:physics:stiffness = 100
+      float drive:angular:physics:damping = 0
+      float drive:angular:physics:maxForce = 50000
+      float physxJoint:armature = 10 }
+    def PhysicsRevoluteJoint "b"
+    { uniform token physics:axis = "Y"
+      rel physics:body0 = </four/coupler>
+      rel physics:body1 = </four/crank>
+      point3f physics:localPos0 = (-10, 0, 0)
+      point3f physics:localPos1 = (0, 0, 10) }
+    def PhysicsRevoluteJoint "d"
+    { uniform token physics:axis = "Y"
+      rel physics:body0 = </four/base>
+      rel physics:body1 = </four/rocker>
+      point3f physics:localPos0 = (40, 0, 0)
+      point3f physics:localPos1 = (0, 0, -10) }
+    def PhysicsJoint "c" (prepend apiSchemas = ["PhysicsLimitAPI:rotX", "PhysicsLimitAPI:rotZ",
+        "PhysicsLimitAPI:transX", "PhysicsLimitAPI:transY", "PhysicsLimitAPI:transZ"])
+    { rel physics:body0 = </four/coupler>
+      rel physics:body1 = </four/rocker>
+      point3f physics:localPos0 = (10, 0, 0)
+      point3f physics:localPos1 = (0, 0, 10)
+      LOCKED
+      uniform bool physics:excludeFromArticulation = 1 }
+}
+"""
+# a closing brace stands on a line of its own
+STAGE = STAGE.replace(" }\n", "\n    }\n")
+STAGE = STAGE.replace("BODY", "float3 physics:diagonalInertia = (20, 30, 40)").replace(
+    "LOCKED",
+    "\n".join(
+        f"float limit:{of}:physics:{end} = {value}"
+        for of in ("rotX", "rotZ", "transX", "transY", "transZ")
+        for end, value in (("low", 1), ("high", -1))
+    ),
+)
+
+# the same by hand; the coupler's axes are turned, so that its moments are 40, 20, 30
+LINK = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
+<inertia ixx="{3}" iyy="{4}" izz="{5}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+HINGE = """<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/>
+<origin xyz="{3}"/><axis xyz="0 {4} 0"/>{5}</joint>"""
+FOUR = (
+    '<robot name="four" version="1.2">'
+    + LINK.format("base", "0 0 0", 2, 0.002, 0.003, 0.004)
+    + LINK.format("crank", "0 0 0.1", 1, 0.002, 0.003, 0.004)
+    + LINK.format("coupler", "0.21 0 0", 1.5, 0.004, 0.002, 0.003)
+    + LINK.format("rocker", "0 0 0.12", 1, 0.002, 0.003, 0.004)
+    + HINGE.format(
+        "a", "base", "crank", "0 0 0", 1, '<dynamics damping="0" rotor_inertia="0.001"/>'
+    )
+    + HINGE.format("b", "crank", "coupler", "0 0 0.2", -1, "")
+    + HINGE.format("d", "base", "rocker", "0.4 0 0", 1, "")
+    + "</robot>"
+)
+FOUR_LOOPS = """submechanisms:
+- contextual_name: bars
+  type: NUMERICAL
+  jointnames: [a, b, d]
+  jointnames_spanningtree: [a, b, d]
+  jointnames_active: [a]
+  jointnames_independent: [a]
+  loop_constraints:
+  - cut_joint: c
+    predecessor_body: coupler
+    predecessor_placement: {xyz: [0.4, 0, 0]}
+    successor_body: rocker
+    successor_placement: {xyz: [0, 0, 0.2]}
+    cut_joint_type: revolute
+    axis: [0, 1, 0]
+"""
+
+
+class Files(unittest.TestCase):
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def file(self, name: str, text: str) -> Path:
+        file = self.folder / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text)
+        return file
+
+    def refused(self, name: str, text: str, words: str) -> None:
+        with self.assertRaises(sarrus.LoadError) as caught:
+            convert.convert(self.file(name, text))
+        self.assertIn(words, str(caught.exception))
+
+
+@unittest.skipUnless(HAS_LUA, "not run: pip install lupa")
+class Lua(Files):
+    def test_the_mechanism_of_the_base_document_has_its_mass_and_its_closed_form(self):
+        robot = sarrus.Robot.load(self.file("rrpr.lua", RRPR), gravity=(0.0, -9.81, 0.0))
+        self.assertEqual(list(robot.independents), ["B1"])
+        self.assertEqual(list(robot.joints), ["B1", "B2", "B3"])
+        for y in (-0.5, 0.0, 0.3, 0.9):
+            found = robot.mass_matrix([y])[0, 0]
+            self.assertAlmostEqual(found, rrpr_mass(y), delta=1e-8 * found)
+
+    def test_axes_sets_frames_and_joint_types_are_those_of_rbdl(self):
+        text = """
+        local F = { { name = 'P', body = 'a', r = {0, 0, 1} } }
+        local s = math.sqrt(0.5)
+        return { local_frames = F, points = {}, frames = {
+            { name = 'f', parent = 'ROOT', joint = { 'JointTypeFloatingBase' },
+              body = { mass = 2 } },
+            { name = 'a', parent = 'f', joint = { 'JointTypeEulerZYX' } },
+            { name = 'b', parent = 'a', joint = {{0, 0, 0, 1, 0, 0}, {0, s, s, 0, 0, 0}},
+              joint_frame = { E = {{0, 1, 0}, {-1, 0, 0}, {0, 0, 1}} } },
+            { name = 'c', parent = 'f', joint = { 'JointTypeSpherical' } } },
+          constraint_sets = { one = { { constraint_type = 'loop',
+              predecessor_local_frame = 'P', successor_body = 'c',
+              successor_transform = { E = {{0, -1, 0}, {1, 0, 0}, {0, 0, 1}} },
+              axis_sets = {{0, 0, 0, 1, 0, 0}, {0, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 0, 1}} },
+              { constraint_type = 'contact' } } } }
+        """
+        robot = convert.convert(self.file("all.lua", text))
+        found = [(of.name, of.kind, list(np.round(of.axis, 3))) for of in robot.joints]
+        self.assertEqual(
+            found,
+            [
+                ("f", "floating", [0, 0, 1]),
+                ("a/1", "continuous", [0, 0, 1]),
+                ("a/2", "continuous", [0, 1, 0]),
+                ("a/3", "continuous", [1, 0, 0]),
+                ("b/1", "prismatic", [1, 0, 0]),
+                ("b/2", "continuous", [0, 0.707, 0.707]),
+                ("c", "spherical", [0, 0, 1]),
+            ],
+        )
+        # `E` of a joint turns the parent's coordinates into the child's, that of a cut back
+        turned = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+        np.testing.assert_array_equal(robot.joints[4].origin[:3, :3], turned)
+        (loop,) = robot.loops
+        self.assertEqual((loop.kind, loop.links), ("ball", ("a", "c")))
+        np.testing.assert_array_equal(loop.frames[0][:3, 3], [0, 0, 1])
+        np.testing.assert_array_equal(loop.frames[1][:3, :3], turned)
+        # a body without `inertia` has the identity
+        np.testing.assert_array_equal(robot.links[1].inertia, np.eye(3))
+        self.assertEqual(len(robot.notes), 2)
+
+    def test_a_file_reads_nothing_and_ends(self):
+        for text, words in (
+            ("while true do end", "it takes more than"),
+            ("local x = ('x'):rep(1e9) return x", "memory"),
+            ("local t = {} while true do t[#t + 1] = ('x'):rep(1000) .. #t end", "memory"),
+            ("return io.open('/etc/passwd')", "io"),
+            ("return os.getenv('HOME')", "os"),
+            ("return python.eval('1')", "python"),
+            ("return require 'x'", "require"),
+            ("return load('return 1')()", "load"),
+            ("pcall(function() while true do end end)", "pcall"),
+            ("return ('x'):find('(.-)*')", "find"),
+            ("local t = {} t.t = t return t", "too many entries, or contains itself"),
+            ("\x1bLua", "binary"),
+            ("return {", "expected"),
+            ("return 3", "it returns no table"),
+            ("return { frames = {} }", "has no frame"),
+            ("return { frames = { { name = 'a', parent = 'b' } } }", "`parent` is 'b'"),
+            ("return { frames = { { name = 'ROOT', parent = 'ROOT' } } }", "`name` is 'ROOT'"),
+        ):
+            with self.subTest(words):
+                self.refused("robot.lua", text, words)
+
+    def test_faults_are_named_with_their_place(self):
+        for old, new, words in (
+            ("mass = m,", "mass = 'x',", "frames[1].body: no table with a `mass`"),
+            ("mass = m,", "mass = 0/0,", "frames[1].body: a mass below zero"),
+            ("{0, l/2, 0}", "{0, l/2}", "frames[1].body.com: expected 3 numbers"),
+            ("{1, 0, 0}, {0, c, s}", "{2, 0, 0}, {0, c, s}", "frames[2].joint_frame: an orient"),
+            ("prsY = {{0, 0, 0, 0, 1, 0}}", "prsY = {{0, 1, 0, 0, 1, 0}}", "frames[4].joint[1]"),
+            ("prsY = {{0, 0, 0, 0, 1, 0}}", "prsY = {'Sled'}", "'Sled', a joint type"),
+            ("successor_body = 'B3'", "successor_body = 'B9'", "'B9'; expected frames"),
+            ("row({0, 0, 0, 0, 0, 1}", "row({1, 0, 0, 0, 0, 0}", "2 axes that hold no joint"),
+            ("row({0, 0, 0, 0, 0, 1}", "row({0, 0, 0, 0, 2, 0}", "2 axes that hold no joint"),
+        ):
+            with self.subTest(words):
+                self.assertIn(old, RRPR)
+                self.refused("robot.lua", RRPR.replace(old, new, 1), words)
+
+    def test_the_module_prints_the_urdf(self):
+        command = [sys.executable, "-m", "sarrus.convert", self.file("rrpr.lua", RRPR)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        self.assertIn('<loop name="loopTY" type="planar_revolute">', done.stdout)
+        self.assertIn("note: `gravity`", done.stderr)
+        self.file("rrpr.lua", "return 3")
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, done.stdout), (1, ""))
+
+
+@unittest.skipUnless(HAS_USD, "not run: pip install usd-core")
+class Usd(Files):
+    def same(self, file: Path) -> None:
+        robot = sarrus.Robot.load(file)
+        by_hand = sarrus.Robot.from_text(FOUR, FOUR_LOOPS)
+        self.assertEqual(list(robot.independents), ["a"])
+        self.assertEqual(list(robot.actuators), ["a"])
+        for y in (-0.6, 0.0, 0.5):
+            found, wanted = (
+                np.ravel([of.mass_matrix([y])[0, 0], *of.inverse_dynamics([y], [0.7], [0.3])])
+                for of in (robot, by_hand)
+            )
+            # the numbers of a stage have single precision
+            np.testing.assert_allclose(found, wanted, rtol=1e-6)
+
+    def test_a_stage_in_centimetres_is_the_robot_that_is_written_by_hand(self):
+        self.same(self.file("four.usda", STAGE))
+
+    def test_a_binary_stage_is_the_same(self):
+        from pxr import Usd
+
+        Usd.Stage.Open(str(self.file("four.usda", STAGE))).Export(str(self.folder / "four.usdc"))
+        self.same(self.folder / "four.usdc")
+
+    def test_limits_drives_and_rotors_are_read_and_the_rest_is_told(self):
+        robot = convert.convert(self.file("four.usda", STAGE))
+        joint = robot.joints[0]
+        found = [joint.limit["lower"], joint.limit["upper"], joint.limit["effort"]]
+        np.testing.assert_allclose(found, [-np.pi / 3, np.pi / 3, 5.0], rtol=1e-6)
+        self.assertEqual(joint.is_driven, True)
+        self.assertTrue(any("its controller's" in note for note in robot.notes), robot.notes)
+        friction = STAGE.replace(
+            "float physxJoint:armature", "float physxJoint:jointFriction = 0.1\nfloat physxJoint:x"
+        )
+        self.refused("four.usda", friction, "physxJoint:jointFriction = 0.1")
+        robot = convert.convert(self.folder / "four.usda", lenient=True)
+        words = " ".join(robot.notes)
+        self.assertIn("physxJoint:jointFriction", words)
+        self.assertIn("physxJoint:x = 10.0 is left out", words)
+
+    def test_a_robot_without_a_joint_to_the_world_beside_one_with_it(self):
+        rocker = "rel physics:body1 = </four/rocker>"
+        base = "rel physics:body0 = </four/base>\n      "
+        world = STAGE.replace(base + rocker, rocker)
+        robot = convert.convert(self.file("four.usda", world))
+        kinds = {of.name: (of.kind, of.parent) for of in robot.joints}
+        self.assertEqual(kinds["d"], ("continuous", "world"))
+        self.assertEqual(kinds["floating_base"], ("floating", "world"))
+
+    def test_faults_are_named(self):
+        for old, new, words in (
+            ("float physics:mass = 1\n", "", "mass or inertia would come from its colliders"),
+            ("(20, 30, 40)", "(0, 0, 0)", "mass or inertia would come from its colliders"),
+            ('PhysicsRevoluteJoint "b"', 'PhysicsDistanceJoint "b"', "PhysicsDistanceJoint"),
+            ("body1 = </four/crank>", "body1 = </four/nothing>", "expected a prim"),
+            ("body1 = </four/crank>", "body1 = </four/base>", "expected two bodies"),
+            ("float limit:rotX:physics:low = 1", "", "the freedoms rotX rotY"),
+            ("lowerLimit = -60", "lowerLimit = 70", "locked"),
+            ("RigidBodyAPI", "NoBodyAPI", "no prim has PhysicsRigidBodyAPI"),
+            ("#usda 1.0", "#usda 9.9", ""),
+        ):
+            with self.subTest(words):
+                self.assertIn(old, STAGE)
+                self.refused("four.usda", STAGE.replace(old, new), words)
+
+    def test_layers_are_read_below_the_folder_or_an_included_one(self):
+        self.file("parts/four.usda", STAGE)
+        stage = '#usda 1.0\n( defaultPrim = "four"\n subLayers = [@{}@] )\n'
+        self.same(self.file("robot.usda", stage.format("parts/four.usda")))
+        inner = self.file("inner/robot.usda", stage.format("../parts/four.usda"))
+        with self.assertRaisesRegex(sarrus.LoadError, "--include-dir="):
+            convert.convert(inner)
+        robot = convert.convert(inner, [self.folder / "parts"])
+        self.assertEqual(len(robot.loops), 1)
+
+
+class WithoutPackages(Files):
+    def test_a_missing_package_is_told(self):
+        for name, module, words in (
+            ("a.lua", "lupa.lua54", "pip install lupa"),
+            ("a.usda", "pxr", "pip install usd-core"),
+        ):
+            with (
+                mock.patch.dict(sys.modules, {module: None}),
+                self.assertRaisesRegex(ModuleNotFoundError, words),
+            ):
+                convert.convert(self.file(name, ""))
+
+
+if __name__ == "__main__":
+    unittest.main()
