@@ -88,13 +88,15 @@ pub(crate) struct Files {
     /// The folders below which files are read, without links.
     roots: Vec<PathBuf>,
     read: Vec<PathBuf>,
+    /// The number of includes.
+    count: usize,
 }
 
 impl Files {
     /// The files beside the first one, or below a folder of `include`; a text has none beside it.
     pub(crate) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
         let Some(first) = first else {
-            return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new() };
+            return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new(), count: 0 };
         };
         let folder = match first.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
@@ -102,7 +104,7 @@ impl Files {
         };
         let all = [&folder].into_iter().chain(include);
         let roots = all.filter_map(|folder| folder.canonicalize().ok()).collect();
-        Files { folder, roots, read: Vec::from_iter(first.canonicalize().ok()) }
+        Files { folder, roots, read: Vec::from_iter(first.canonicalize().ok()), count: 0 }
     }
 
     /// The name and the bytes of a file that another one names, relative to the first file's folder
@@ -186,8 +188,8 @@ fn element<'t>(
     }
     for child in node.children().filter(Node::is_element) {
         let mut child = element(child, text, files, diagnostics);
-        if child.name == "include" && !is_sdf {
-            read.children.extend(include(&child, files, diagnostics));
+        if child.name == "include" {
+            read.children.extend(include(child, is_sdf, files, diagnostics));
         } else if matches!(&child.attributes[..], [of] if of.name == child.name && is_sdf) {
             // one that is nothing but its value is an attribute
             read.attributes.append(&mut child.attributes);
@@ -198,19 +200,64 @@ fn element<'t>(
     read
 }
 
-/// The elements of the file that an `<include>` names.
-fn include(element: &Element, files: &mut Files, diagnostics: &mut Diagnostics) -> Vec<Element> {
-    let Some(file) = element.get("file") else {
-        diagnostics.error(element.span, "`include` has no `file`", "file=\"…\"", "add it");
+/// The elements of the file that an `<include>` names; of SDF its model, a file or a folder's.
+fn include(
+    element: Element,
+    is_sdf: bool,
+    files: &mut Files,
+    diagnostics: &mut Diagnostics,
+) -> Vec<Element> {
+    let key = if is_sdf { "uri" } else { "file" };
+    let Some(file) = element.get(key) else {
+        let found = format!("`include` has no `{key}`");
+        diagnostics.error(element.span, found, format!("{key}=\"…\""), "add it");
         return Vec::new();
     };
-    let opened = files.open(Path::new(&file.value), file.span, diagnostics);
+    let written = file.value.trim();
+    let below = written.split_once("://").map_or(written, |(_, path)| path);
+    let path = match Path::new(below).extension() {
+        None if is_sdf => Path::new(below).join("model.sdf"),
+        _ => PathBuf::from(if is_sdf { below } else { written }),
+    };
+    let opened = files.open(&path, file.span, diagnostics);
     let Some((real, name, bytes)) = opened else { return Vec::new() };
-    if files.read.contains(&real) || files.read.len() >= MOST_FILES {
+    files.count += 1;
+    if files.read.contains(&real) || files.count >= MOST_FILES {
         let found = format!("the file {} is included a second time", quoted(&file.value));
         diagnostics.error(file.span, found, "each file once", "remove one of them");
         return Vec::new();
     }
     files.read.push(real);
-    read(&name, bytes, files, diagnostics).map_or_else(Vec::new, |root| root.children)
+    let root = read(&name, bytes, files, diagnostics);
+    if !is_sdf {
+        return root.map_or_else(Vec::new, |root| root.children);
+    }
+    // another model may be of the same file
+    files.read.pop();
+    root.and_then(|root| placed(root, element, diagnostics)).into_iter().collect()
+}
+
+/// The model of an included file of SDF, with the name, pose and plug-ins of the `<include>`.
+fn placed(root: Element, include: Element, diagnostics: &mut Diagnostics) -> Option<Element> {
+    let is_old = root.text("version").is_some_and(|of| ["1.2", "1.3", "1.4"].contains(&of));
+    let model = root.children.into_iter().find(|of| of.name == "model").filter(|_| !is_old);
+    let Some(mut model) = model else {
+        let expected = "a file with a model, of version 1.5 or later";
+        diagnostics.error(include.span, "an included file", expected, "write it so");
+        return None;
+    };
+    let given = include.attributes.into_iter().filter(|of| of.name != "uri");
+    for of in given {
+        model.attributes.retain(|own| own.name != of.name);
+        model.children.retain(|own| own.name != of.name);
+        model.attributes.push(of);
+    }
+    for of in include.children {
+        if of.name == "pose" {
+            model.attributes.retain(|own| own.name != "pose");
+            model.children.retain(|own| own.name != "pose");
+        }
+        model.children.push(of);
+    }
+    Some(model)
 }

@@ -74,6 +74,13 @@ fn faults_of_the_files_of_gepetto_are_named() {
             "a joint of another type, expected SPHERICAL",
         ),
         ("s.yaml", "closed_loop: []\n", "s.urdf` cannot be opened"),
+        ("r.yaml", "closed_loop: []\nname_mot: [m]\n", "`m`, expected a joint of"),
+        ("r.yaml", "closed_loop: []\njoint_name: [m]\njoint_type: [SPHERICAL]\n", "`m`, expected"),
+        (
+            "r.yaml",
+            "closed_loop: [[a, b]]\ntype: [6d, 3d]\n",
+            "2 types, expected one for each of 1",
+        ),
         ("r.yaml", "closed_loop: [[a, c]]\ntype: [3d]\n", "the loop `a_c` names the link `c`"),
     ] {
         let found = words(file, yaml);
@@ -85,5 +92,33 @@ fn faults_of_the_files_of_gepetto_are_named() {
     let found = words("t.yaml", "closed_loop: []\n");
     assert!(found.contains("lies outside of the first file's folder"), "{found}");
     fs::remove_file(outside).unwrap();
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_comment_with_the_robots_end_hides_no_loop() {
+    let folder = folder("comment");
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" \
+             izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
+        )
+    };
+    let hinge = |name: &str, at: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"a\"/><child \
+             link=\"{name}_\"/><origin xyz=\"{at}\"/><axis xyz=\"0 1 0\"/></joint>"
+        )
+    };
+    let frame = "<link name=\"f\"/><joint name=\"g\" type=\"fixed\"><parent link=\"k_\"/><child \
+                 link=\"f\"/></joint>";
+    let parts = [link("a"), link("j_"), link("k_"), hinge("j", "0 0 0"), hinge("k", "0 0 0")];
+    let urdf = format!("<robot name=\"r\">{}{frame}</robot><!-- </robot> -->", parts.concat());
+    fs::write(folder.join("r.urdf"), urdf).unwrap();
+    let path = folder.join("r.yaml");
+    fs::write(&path, "closed_loop: [[j_, f]]\ntype: [6d]\nname_mot: [j]\n").unwrap();
+    let imported = import(&path, None, &[], &Options::default()).unwrap();
+    assert!(imported.report.errors.is_empty(), "{}", imported.report);
+    assert_eq!(imported.independent, ["j"]);
     fs::remove_dir_all(folder).unwrap();
 }

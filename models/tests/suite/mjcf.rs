@@ -399,3 +399,11 @@ fn effort_and_range_come_from_actuators_and_joints() {
     assert_eq!(limits("pull")[2], 14.0);
     assert_eq!(loaded.compiled.model.info().active, ["a", "pull", "b", "e"]);
 }
+
+#[test]
+fn a_default_that_no_element_takes_is_a_note() {
+    let default = "<default><default class=\"c\"><mesh maxhullvert=\"9\"/></default></default>";
+    let found = report(&model(default, BALL, ""), false);
+    assert!(found.errors.is_empty() && found.warnings.is_empty(), "{found}");
+    assert!(found.notes.iter().any(|of| of.found.contains("mesh")), "{found}");
+}

@@ -317,7 +317,6 @@ fn a_part_of_sdf_that_changes_numbers_and_has_no_expression_is_an_error_or_a_war
         (with("<inertial>", "<inertial auto=\"true\">"), "the attribute `auto`", 1),
         (with("<inertial>", "<inertial><fluid_added_mass/>"), "`fluid_added_mass` is not read", 1),
         (with("<inertial>", "<inertial><pose relative_to=\"b\">1 0 0 0 0 0</pose>"), "`pose`", 1),
-        (model(&format!("{HINGE}{AXIS}"), "<include><uri>x</uri></include>"), "`include`", 4),
         (model(&format!("{HINGE}{AXIS}"), "<wobble>1</wobble>"), "`wobble`", 4),
         (with("<axis>", "<axis>\n<wobble a=\"1\"/>"), "the element `wobble` is not read", 4),
         (with("<model name=\"m\">", "<model name=\"m\" placement_frame=\"b\">"), "`placement_f", 1),
@@ -492,4 +491,81 @@ fn limits_couplings_and_drake_rotors_are_read() {
     let coupling = joint("k").coupling.unwrap();
     assert_eq!(coupling.terms[0].1, 2.0);
     assert!((coupling.offset - 0.3).abs() < 1e-15);
+}
+
+#[test]
+fn large_numbers_stay_and_axes_of_a_later_version_are_in_the_joint() {
+    let heavy = MASS.replace("<mass>1<", "<mass>1e17<");
+    let text = model(&format!("{HINGE}{AXIS}"), "").replacen(MASS, &heavy, 1);
+    let loaded = |text: &str| {
+        let source = Source::Text { urdf: text.as_bytes().to_vec(), submechanisms: None };
+        load(&source, &Options::default()).unwrap().description
+    };
+    let masses = loaded(&text).links.into_iter().filter_map(|of| of.inertial).map(|of| of.mass);
+    assert!(masses.into_iter().any(|mass| mass == 1e17));
+    let turned = format!("{HINGE}<pose>0 0 0 1.5707963267948966 0 0</pose>{AXIS}");
+    for (version, is_turned) in [("1.9", true), ("2.0", true), ("1.4", false)] {
+        let text = model(&turned, "").replace("1.9", version);
+        let joint = loaded(&text).joints.into_iter().find(|joint| joint.name == "j").unwrap();
+        let [x, y, z] = joint.axis;
+        let is_along_y = x.abs() < 1e-15 && (y + 1.0).abs() < 1e-15 && z.abs() < 1e-15;
+        assert_eq!(is_along_y, is_turned, "{version}: {:?}", joint.axis);
+    }
+}
+
+/// Two wheels of one file on a model.
+const WHEELS: &str = "<sdf version=\"1.9\"><model name=\"m\"><link name=\"a\"><inertial><mass>1\
+    </mass></inertial></link>\
+    <include><uri>model://wheel</uri><name>left</name><pose>0 0.5 0 0 0 0</pose></include>\
+    <include><uri>wheel/model.sdf</uri><name>right</name>\
+    <pose relative_to=\"left\">0 -1 0 0 0 0</pose></include>\
+    <joint name=\"l\" type=\"revolute\"><parent>a</parent><child>left::disc</child><axis><xyz>0 1 \
+    0</xyz></axis></joint>\
+    <joint name=\"r\" type=\"revolute\"><parent>a</parent><child>right::disc</child><axis><xyz>0 1 \
+    0</xyz></axis></joint></model></sdf>";
+const WHEEL: &str = "<sdf version=\"1.9\"><model name=\"wheel\"><pose>9 9 9 0 0 0</pose><link \
+    name=\"disc\"><inertial><mass>3</mass></inertial></link></model></sdf>";
+
+#[test]
+fn models_of_other_files_are_included_below_the_folder_only() {
+    let name = format!("sarrus_sdf_include_{}", std::process::id());
+    let folder = std::env::temp_dir().join(name);
+    fs::create_dir_all(folder.join("m/wheel")).unwrap();
+    let words = |robot: &str, wheel: &str, include: &[std::path::PathBuf]| {
+        fs::write(folder.join("m/robot.sdf"), robot).unwrap();
+        fs::write(folder.join("m/wheel/model.sdf"), wheel).unwrap();
+        match import(&folder.join("m/robot.sdf"), None, include, &Options::default()) {
+            Ok(imported) => Ok(imported),
+            Err(error) => Err(error.to_string()),
+        }
+    };
+    let found = words(WHEELS, WHEEL, &[]).unwrap();
+    assert!(found.report.errors.is_empty(), "{}", found.report);
+    let source = Source::Files { urdf: folder.join("m/robot.sdf"), submechanisms: None };
+    let of = load(&source, &Options::default()).unwrap().description;
+    for (name, y) in [("l", 0.5), ("r", -0.5)] {
+        let joint = of.joints.iter().find(|joint| joint.name == name).unwrap();
+        assert_eq!(joint.origin.xyz, [0.0, y, 0.0], "{name}");
+        let mass = of.links[joint.child].inertial.unwrap().mass;
+        assert_eq!(mass, 3.0);
+    }
+    let own = WHEEL.replace("<link", "<include><uri>model.sdf</uri></include><link");
+    let own = own.replace("model.sdf", "wheel/model.sdf");
+    let no_model = "<sdf version=\"1.9\"/>";
+    let outside = WHEELS.replace("wheel/model.sdf", "../other.sdf");
+    let gone = WHEELS.replace("wheel/model.sdf", "gone.sdf");
+    fs::write(folder.join("other.sdf"), WHEEL).unwrap();
+    for (robot, wheel, expected) in [
+        (WHEELS, own.as_str(), "is included a second time"),
+        (WHEELS, no_model, "expected a file with a model, of version 1.5 or later"),
+        (WHEELS, &WHEEL.replace("1.9", "1.4"), "expected a file with a model, of version 1.5"),
+        (&outside, WHEEL, "--include-dir"),
+        (&gone, WHEEL, "cannot be opened"),
+        (&WHEELS.replace("<uri>model://wheel</uri>", ""), WHEEL, "`include` has no `uri`"),
+    ] {
+        let found = words(robot, wheel, &[]).unwrap_err();
+        assert!(found.contains(expected), "{expected}: {found}");
+    }
+    words(&outside, WHEEL, std::slice::from_ref(&folder)).unwrap();
+    fs::remove_dir_all(folder).unwrap();
 }
