@@ -6,7 +6,7 @@ use sarrus_proto::{
 };
 
 use crate::closure::Level;
-use crate::linalg::{Zonotope, dot, solve_sound};
+use crate::linalg::{Zonotope, dot, solve_pivoted, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::Plan;
@@ -19,6 +19,8 @@ use crate::workspace::{MOST_SEGMENTS, MotorScratch, Workspace};
 const ACROSS: f64 = 1e-9;
 /// Relative difference of two margins that count as one.
 const ALIKE: f64 = 1e-9;
+/// A margin that actuators without control have, not one of rounded forces.
+const THIN: f64 = 1e-10;
 
 /// The clusters of the wanted independents.
 #[derive(Clone, Debug)]
@@ -418,20 +420,27 @@ fn find_square_margin<T: Real>(
     ws: &mut Workspace<T>,
     own: &mut MotorScratch<T>,
 ) -> bool {
+    let p = cluster.n_vy;
     actuator_matrix(cluster, ws);
-    let Workspace { dense, dense_rhs, .. } = ws;
-    if solve_sound(dense, dense_rhs, cluster.n_vy, 1, cluster.least_authority).is_none() {
+    let least = cluster.least_authority;
+    let is_sound = solve_sound(&mut ws.dense, &mut ws.dense_rhs, p, 1, least).is_some();
+    if !is_sound {
+        actuator_matrix(cluster, ws);
+        if solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, p, 1).is_none() {
+            return false;
+        }
+    }
+    let forces = || cluster.active.iter().map(|(u, _)| *u).zip(&ws.dense_rhs);
+    let reach = |[lower, upper]: [T; 2], tau: T| T::select_lt(tau, T::ZERO, lower, upper) / tau;
+    // forces that few digits tell, but none of these is within the limits
+    let thin = T::from_f64(THIN);
+    if !is_sound && !forces().any(|(u, tau)| reach(own.limits[u], *tau).lt(thin)) {
         return false;
     }
-    for ((u, _), tau) in cluster.active.iter().zip(dense_rhs) {
-        let [lower, upper] = own.limits[*u];
-        own.no_limit |= !lower.is_finite();
-        if leads(
-            T::select_lt(*tau, T::ZERO, lower, upper) / *tau,
-            &mut own.margin,
-            &mut own.binding,
-        ) {
-            own.binding[*u] = T::select_lt(*tau, T::ZERO, -T::ONE, T::ONE);
+    for (u, tau) in forces() {
+        own.no_limit |= !own.limits[u][0].is_finite();
+        if leads(reach(own.limits[u], *tau), &mut own.margin, &mut own.binding) {
+            own.binding[u] = T::select_lt(*tau, T::ZERO, -T::ONE, T::ONE);
         }
     }
     true
