@@ -215,7 +215,8 @@ impl ModelInfo {
     }
 }
 
-#[cfg(all(test, feature = "transport"))]
+#[cfg(test)]
+#[cfg(feature = "transport")]
 mod tests {
     use super::*;
 

@@ -5,6 +5,7 @@
 
 pub mod cases;
 pub mod compare;
+pub mod decimal;
 pub mod draft;
 pub mod dual;
 pub mod pairs;

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use sarrus_dynamics::scalar::Dd;
 use serde_json::Value;
 
+use crate::decimal::decimal;
+
 /// The bundled robots with answers from an independent engine.
 pub const ROBOTS: [&str; 21] = [
     "lambda",
@@ -72,7 +74,7 @@ pub fn digits(value: &Value) -> Vec<Dd> {
     match value {
         Value::Array(items) => items.iter().flat_map(digits).collect(),
         Value::String(text) => {
-            vec![Dd::parse_decimal(text).unwrap_or_else(|| panic!("not a number: {text}"))]
+            vec![decimal(text).unwrap_or_else(|| panic!("not a number: {text}"))]
         }
         other => numbers(other).into_iter().map(Dd::from).collect(),
     }

@@ -317,3 +317,19 @@ fn geometry_is_found_from_redundant_encoders() {
     println!("{within:?}");
     assert!(within[0] * 50 < within[1], "{within:?}");
 }
+
+#[test]
+fn logs_that_no_parameters_explain_are_refused() {
+    let loaded = load(&Source::Bundled("five_bar".into()), &Options::default()).unwrap();
+    let Loaded { description, compiled, .. } = &loaded;
+    let info = compiled.model.info();
+    let encoders: Vec<(usize, f64)> = (0..info.tree.len()).map(|k| (k, 0.0)).collect();
+    let own = displaced_robot(description, &vec![0.0; info.geometry().len()]);
+    let mut random = Random(11);
+    let in_radians = measured(&own, &encoders, (200, 1e-5), &mut random);
+    let degrees = |row: &Vec<f64>| row.iter().map(|x| x.to_degrees()).collect::<Vec<f64>>();
+    let in_degrees: Vec<Vec<f64>> = in_radians.iter().map(degrees).collect();
+    calibrate(description, &info.tree, &in_radians).unwrap();
+    let error = calibrate(description, &info.tree, &in_degrees).unwrap_err();
+    assert!(!error.to_string().contains("NaN"), "{error}");
+}

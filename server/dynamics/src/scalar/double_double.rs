@@ -2,9 +2,8 @@
 //! scalars.
 
 mod angle;
-mod decimal;
 #[cfg(test)]
-pub(super) mod reference;
+pub(super) mod for_tests;
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -201,7 +200,7 @@ impl Real for Dd {
 
 #[cfg(test)]
 mod tests {
-    use super::reference::{Random, relative};
+    use super::for_tests::{Random, relative};
     use super::*;
 
     const SEED: u64 = 20_250_118;

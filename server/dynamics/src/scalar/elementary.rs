@@ -232,7 +232,7 @@ pub(super) fn atan2<T: Lane>(y: T, x: T) -> T {
 
 #[cfg(test)]
 mod tests {
-    use super::super::double_double::reference::{Random, angles, sines, ulps};
+    use super::super::double_double::for_tests::{Random, angles, sines, ulps};
     use super::super::{Dd, Real};
     use super::*;
 

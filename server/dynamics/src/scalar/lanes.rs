@@ -56,7 +56,7 @@ register!(f64x8, u64x8);
 #[cfg(test)]
 mod tests {
     use super::super::Real;
-    use super::super::double_double::reference::Random;
+    use super::super::double_double::for_tests::Random;
     use super::super::elementary;
     use super::*;
 

@@ -126,7 +126,7 @@ pub(super) fn atan2(y: Dd, x: Dd) -> Dd {
 
 #[cfg(test)]
 mod tests {
-    use super::super::reference::{Random, angles, relative, sines};
+    use super::super::for_tests::{Random, angles, relative, sines};
     use super::*;
 
     const SEED: u64 = 20_250_119;

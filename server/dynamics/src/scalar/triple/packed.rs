@@ -222,7 +222,7 @@ impl Symmetric<f64> for Upper {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::double_double::reference::Random;
+    use super::super::super::double_double::for_tests::Random;
     use super::*;
     use crate::scalar::{Dual, Plain, Real, Six};
 
