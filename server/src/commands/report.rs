@@ -24,7 +24,7 @@ pub(crate) struct Report {
     /// Submechanism file that goes with --urdf.
     #[arg(long, value_name = "FILE", requires = "urdf")]
     submechanisms: Option<PathBuf>,
-    /// Fewer states and shorter measurements: within two minutes.
+    /// Fewer states and shorter measurements: within three minutes, else half an hour.
     #[arg(long)]
     quick: bool,
     /// Only this section; may stand several times.

@@ -19,6 +19,6 @@ pub(crate) struct Amount {
 /// The effort of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
-    /// The whole report within two minutes on two slow cores.
+    /// The whole report within three minutes on two slow cores, with every peer.
     pub quick: bool,
 }

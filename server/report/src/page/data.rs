@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::figure::{Figure, Point};
-use super::section::{Case, Report, Section, Table, columns};
+use super::section::{Assessment, Case, Report, Section, Table, columns};
 use crate::Outcome;
 use crate::csv_rows::{LineEnd, write};
 
@@ -82,12 +82,14 @@ pub(super) fn result_table(section: &Section) -> Table {
             case.assessment.name().to_owned(),
         ]
     };
+    let mut cases: Vec<&Case> = section.cases.iter().collect();
+    cases.sort_by_key(|case| Assessment::ALL.iter().rev().position(|of| *of == case.assessment));
     Table {
         id: format!("{}-cases", section.name),
         columns: columns(
             "family | robot | parameter | value | method | error | status | told | verdict",
         ),
-        rows: section.cases.iter().map(row).collect(),
+        rows: cases.into_iter().map(row).collect(),
         ..Table::default()
     }
 }

@@ -5,22 +5,39 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
-use super::picture::{NARROW, WIDE, colours, picture, points, sign};
+use super::picture::{NARROW, PARTS_OF_A_LINE, WIDE, colours, picture, points, sign};
 use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
+
+/// The ends of the names of the figures on the first screen.
+const FIRST: [&str; 2] = ["-id", "-fd"];
+/// Most rows of a table on the page; its file has all.
+const ROWS: usize = 30;
 
 /// The content security policy: the page loads nothing.
 const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> Outcome<String> {
-    let sections = report.sections.iter().map(|section| one(report, section));
+    let first: Vec<(&Section, &Figure)> =
+        FIRST.iter().filter_map(|end| shown(report, end)).collect();
+    let of_first = first.iter().map(|(section, figure)| drawn(figure, report, section));
+    let pictures = of_first.collect::<Outcome<Vec<_>>>()?;
+    let is_first = |figure: &Figure| first.iter().any(|(_, of)| of.id == figure.id);
+    let sections = report.sections.iter().map(|section| one(report, section, is_first));
     let sections = sections.collect::<Outcome<Vec<_>>>()?;
     let body = html! {
-        (top(report))
+        (top(report, &pictures))
         @for section in &sections { (section) }
     };
     Ok(document("sarrus: error against run time, stress cases", &body))
+}
+
+/// The figure that ends so: of the upper body, or else of the first robot.
+fn shown<'a>(report: &'a Report, end: &str) -> Option<(&'a Section, &'a Figure)> {
+    let of = |section: &'a Section| section.figures.iter().map(move |figure| (section, figure));
+    let all = || report.sections.iter().flat_map(of).filter(|(_, figure)| figure.id.ends_with(end));
+    all().find(|(_, figure)| figure.id.contains("upper_body")).or_else(|| all().next())
 }
 
 /// The document around a body.
@@ -48,8 +65,8 @@ fn document(title: &str, body: &Markup) -> String {
     markup.into_string()
 }
 
-/// The findings, on one screen.
-fn top(report: &Report) -> Markup {
+/// Three findings and the pictures, on one screen.
+fn top(report: &Report, pictures: &[Markup]) -> Markup {
     let summaries = summaries(&report.sections);
     let silent = report.silent_failures();
     let places = Table {
@@ -67,36 +84,36 @@ fn top(report: &Report) -> Markup {
             ul.facts {
                 li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "worst error of \
                     an answer given as good" }
-                li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures" }
-                li { b { (report.cases()) } "stress cases" }
-                @if front > 0 { li { b { (ours) " of " (front) } "points on the Pareto fronts that \
-                    a peer competes for are ours" } }
+                li.(if silent == 0 { "good" } else { "bad" }) { b { (silent) } "silent failures \
+                    among " (report.cases()) " stress cases" }
+                @if front > 0 { li { b { (ours) " of " (front) } "points that nothing beats both \
+                    in time and in error, the Pareto fronts with a peer, are ours" } }
             }
-            @for section in &report.sections {
-                @for sentence in &section.summary { p { (sentence) } }
-                @if let Some(failure) = &section.failure { p.bad { (section.title) ": not \
-                    finished. " (failure) } }
-            }
+            div.figures { @for picture in pictures { (picture) } }
             @if !summaries.is_empty() {
-                h2 id="places" { "Pareto places" }
-                p.soft {
-                    "Fastest and most exact point of each front, as method (cost; error). Peers: \
-                    the least time factor at which one of ours makes no larger error; errors up \
-                    to " (exponent(ROUNDING)) " are rounding and count as equal there."
+                details.all id="places" {
+                    summary { "Pareto places of every figure" }
+                    p.soft {
+                        "Fastest and most exact point of each front, as method (cost; error). \
+                        Peers: the least time factor at which one of ours makes no larger error; \
+                        errors up to " (exponent(ROUNDING)) " are rounding and equal there."
+                    }
+                    div.scroll { (cells(&places)) }
                 }
-                div.scroll { (cells(&places)) }
             }
         }
         nav {
-            h2 { "Contents" }
-            @for section in &report.sections {
-                p { a href={ "#" (section.name) } { (section.title) } }
-                ul {
-                    @for figure in &section.figures {
-                        li { a href={ "#" (figure.id) } { (figure.title) } }
-                    }
-                    @for table in &section.tables {
-                        li { a href={ "#" (table.id) } { (table.title) } }
+            details {
+                summary { "Contents" }
+                @for section in &report.sections {
+                    p { a href={ "#" (section.name) } { (section.title) } }
+                    ul {
+                        @for figure in &section.figures {
+                            li { a href={ "#" (figure.id) } { (figure.title) } }
+                        }
+                        @for table in &section.tables {
+                            li { a href={ "#" (table.id) } { (table.title) } }
+                        }
                     }
                 }
             }
@@ -104,8 +121,9 @@ fn top(report: &Report) -> Markup {
     }
 }
 
-fn one(report: &Report, section: &Section) -> Outcome<Markup> {
-    let figures = section.figures.iter().map(|figure| drawn(figure, report, section));
+fn one(report: &Report, section: &Section, is_first: impl Fn(&Figure) -> bool) -> Outcome<Markup> {
+    let rest = section.figures.iter().filter(|figure| !is_first(figure));
+    let figures = rest.map(|figure| drawn(figure, report, section));
     let figures = figures.collect::<Outcome<Vec<_>>>()?;
     let nothing =
         section.figures.is_empty() && section.tables.is_empty() && section.cases.is_empty();
@@ -113,20 +131,25 @@ fn one(report: &Report, section: &Section) -> Outcome<Markup> {
         section id=(section.name) {
             h2 { (section.title) }
             @if nothing { p.empty { "Nothing was measured in this section." } }
-            @if !section.cases.is_empty() {
-                details {
-                    summary { "Every case: " (section.cases.len()) }
-                    p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
-                    div.tall { (cells(&result_table(section))) }
+            @if let Some(failure) = &section.failure { p.bad { "Not finished. " (failure) } }
+            @for sentence in &section.summary { p { (sentence) } }
+            details.all {
+                summary { "Figures: " (figures.len()) ", tables: " (section.tables.len()) }
+                @if !section.cases.is_empty() {
+                    details {
+                        summary { "Every case: " (section.cases.len()) }
+                        p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
+                        div.tall { (cells(&result_table(section))) }
+                    }
                 }
-            }
-            div.figures { @for figure in &figures { (figure) } }
-            @for table in &section.tables {
-                div.table id=(table.id) {
-                    h3 { (table.title) }
-                    @if !table.caption.is_empty() { p.soft { (table.caption) } }
-                    div.scroll { (cells(table)) }
-                    p.soft { a href={ (table.id) ".csv" } { (table.id) ".csv" } }
+                div.figures { @for figure in &figures { (figure) } }
+                @for table in &section.tables {
+                    div.table id=(table.id) {
+                        h3 { (table.title) }
+                        @if !table.caption.is_empty() { p.soft { (table.caption) } }
+                        div.scroll { (cells(table)) }
+                        p.soft { a href={ (table.id) ".csv" } { (table.id) ".csv" } }
+                    }
                 }
             }
         }
@@ -149,6 +172,7 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
     let all: usize = figure.series.iter().map(|series| series.points.len()).sum();
     let left_out = all - figure.series.iter().map(|series| points(series).count()).sum::<usize>();
     let table = figure_table(figure);
+    let is_long = figure.series.iter().any(|of| of.line && of.points.len() > PARTS_OF_A_LINE);
     Ok(html! {
         figure id=(figure.id) {
             h3 { (figure.title) }
@@ -166,6 +190,8 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
             }
             figcaption {
                 @if !figure.caption.is_empty() { p { (figure.caption) } }
+                @if is_long { p { "Of a line of more than " (PARTS_OF_A_LINE) " points the \
+                    largest of each part is drawn." } }
                 @if left_out > 0 { p { (left_out) " of " (all) " points have no number; they stand \
                     in the table." } }
                 p.from { code { (report.command_of(section)) } " on " (report.machine) }
@@ -186,10 +212,11 @@ fn cells(table: &Table) -> Markup {
         table {
             thead { tr { @for column in &table.columns { th { (column) } } } }
             tbody {
-                @for row in &table.rows {
+                @for row in table.rows.iter().take(ROWS) {
                     tr { @for cell in row { td.number[is_number(cell)] { (cell) } } }
                 }
             }
         }
+        @if table.rows.len() > ROWS { p.soft { "The file has all " (table.rows.len()) " rows." } }
     }
 }

@@ -51,6 +51,8 @@ pub(super) const NARROW: Size =
 
 /// Least distance of marks on a line, so that they distinguish lines without hiding them.
 const MARKS_OF_A_LINE: usize = 24;
+/// Most points of a line.
+pub(super) const PARTS_OF_A_LINE: usize = 150;
 
 /// The picture; none if nothing can be drawn.
 pub(super) fn picture(figure: &Figure, size: Size) -> Outcome<Option<String>> {
@@ -72,6 +74,14 @@ pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
         .iter()
         .map(|point| (point.x, point.y))
         .filter(|(x, y)| x.is_finite() && y.is_finite())
+}
+
+/// The points of a series, of a long line the largest of each part.
+fn largest(series: &Series) -> Vec<(f64, f64)> {
+    let all: Vec<(f64, f64)> = points(series).collect();
+    let part = if series.line { all.len().div_ceil(PARTS_OF_A_LINE).max(1) } else { 1 };
+    let of = |part: &[(f64, f64)]| part.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
+    all.chunks(part).filter_map(of).collect()
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -101,16 +111,16 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
     stairs(figure, x, y, &mut chart)?;
     // lines first, so that marks stay visible
     for (k, series) in figure.series.iter().enumerate().filter(|(_, series)| series.line) {
-        let places = points(series).map(|(a, b)| (x.place(a), y.place(b)));
+        let places = largest(series).into_iter().map(|(a, b)| (x.place(a), y.place(b)));
         chart.draw_series([PathElement::new(
             places.collect::<Vec<_>>(),
             colour(k).stroke_width(4),
         )])?;
     }
     for (k, series) in figure.series.iter().enumerate() {
-        let stride =
-            if series.line { points(series).count().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
-        for (a, b) in points(series).step_by(stride) {
+        let all = largest(series);
+        let stride = if series.line { all.len().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
+        for (a, b) in all.into_iter().step_by(stride) {
             for outline in form(k, size.mark) {
                 chart.draw_series([EmptyElement::at((x.place(a), y.place(b)))
                     + Polygon::new(outline, colour(k).filled())])?;
