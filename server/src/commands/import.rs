@@ -130,9 +130,8 @@ fn python(module: &str) -> Command {
 
 /// The output of a program; its words go to stderr.
 fn output_of(program: &mut Command) -> Result<Vec<u8>, Failure> {
-    let words: Vec<_> = [program.get_program()].into_iter().chain(program.get_args()).collect();
-    let words = words.join(" ".as_ref()).display().to_string();
-    let package = if words.starts_with("xacro") { "xacro" } else { "sarrus" };
+    let words = format!("{program:?}");
+    let package = if words.starts_with("\"xacro") { "xacro" } else { "sarrus" };
     let failed = |why: String| Failure::start(format!("{words}: {why}"));
     let broken =
         |error: std::io::Error| failed(format!("{error}; install it: pip install {package}"));

@@ -422,8 +422,8 @@ fn find_square_margin<T: Real>(
 ) -> bool {
     let p = cluster.n_vy;
     actuator_matrix(cluster, ws);
-    let least = cluster.least_authority;
-    let is_sound = solve_sound(&mut ws.dense, &mut ws.dense_rhs, p, 1, least).is_some();
+    let size = cluster.least_authority;
+    let is_sound = solve_sound(&mut ws.dense, &mut ws.dense_rhs, p, 1, size).is_some();
     if !is_sound {
         actuator_matrix(cluster, ws);
         if solve_pivoted(&mut ws.dense, &mut ws.dense_rhs, p, 1).is_none() {

@@ -301,19 +301,6 @@ fn from_actuators<T: Real>(
     for &i in &cluster.independent_q {
         ws.q[cluster.q + i] = ws.start[cluster.q + i];
     }
-    actuator_newton(model, c, ws, report)
-}
-
-/// Newton's method for the independents at the actuator coordinates `goal_u`.
-#[inline(always)]
-fn actuator_newton<T: Real>(
-    model: &Model<T>,
-    c: usize,
-    ws: &mut Workspace<T>,
-    report: &mut RunReport<T>,
-) -> Result<(Outcome, f64), Status> {
-    let cluster = &model.clusters[c];
-    let m = cluster.n_vy;
     let tolerance = T::from_f64(0.1 * T::EPSILON.sqrt());
     let mut sign = T::ZERO;
     let mut damping = T::ONE;
@@ -331,29 +318,22 @@ fn actuator_newton<T: Real>(
             ws.dense[r * m..(r + 1) * m].copy_from_slice(G.row(j));
             ws.dense_rhs[r] = ws.goal_u[r] - ws.q[cluster.q + cluster.dofs[j].q];
         }
-        let solved = if outcome.status == Status::Ok {
-            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, cluster.least_authority)
-        } else {
-            None
-        };
+        let least = cluster.least_authority;
+        let solve = || solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 1, least);
+        let solved = (outcome.status == Status::Ok).then(solve).flatten();
         let at = cluster.coordinates();
         let control = solved.map_or(1.0, |solved| solved.least.to_f64());
         match solved.map(|solved| solved.sign) {
             // another branch, or no pose at all: half the path from the last good one
-            None if k == 0 => {
-                return if outcome.status == Status::Ok {
-                    Err(Status::SingularActuation)
-                } else {
-                    Ok((outcome, 1.0))
-                };
+            None if k == 0 && outcome.status == Status::Ok => {
+                return Err(Status::SingularActuation);
             }
+            None if k == 0 => return Ok((outcome, 1.0)),
             Some(det) if k == 0 || T::ZERO.lt(det * sign) => {
                 sign = det;
                 damping = T::ONE;
                 ws.start[at.clone()].copy_from_slice(&ws.q[at]);
-                for (k, _) in cluster.independent.iter().enumerate() {
-                    ws.step_y[k] = ws.dense_rhs[k];
-                }
+                ws.step_y[..m].copy_from_slice(&ws.dense_rhs[..m]);
             }
             _ => damping *= T::from_f64(0.5),
         }
