@@ -4,6 +4,7 @@ mod answers;
 mod assemble;
 mod check;
 mod closures_page;
+mod corpus;
 mod export;
 mod generate;
 mod import;
