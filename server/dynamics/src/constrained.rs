@@ -5,7 +5,7 @@ use sarrus_proto::Status;
 
 use crate::algorithms::{self, TreeMotion};
 use crate::closure::{
-    Scratch, column_unit, constraint_residual, declared_forces, forces_of_derivative,
+    CLEAR, Scratch, column_unit, constraint_residual, declared_forces, forces_of_derivative,
     largest_residual, loses_rank, row_unit, rows_at, scaled,
 };
 use crate::linalg::least_norm;
@@ -245,7 +245,7 @@ impl<T: Real> ImplicitForm<T> {
         let mut first = model.sizes().n_v;
         for cluster in model.closed_clusters.iter().map(|c| &model.clusters[*c]) {
             ws.constraint_jacobian(cluster, model.bodies_of(cluster));
-            let used = rows_at(cluster, &mut ws.scratch);
+            let used = rows_at(cluster, &mut ws.scratch, CLEAR);
             ws.scratch.phi.fill(T::ZERO);
             for (r, x) in used.iter().zip(&ws.kkt_rhs[first..]) {
                 ws.scratch.phi[*r] = -*x;
@@ -310,7 +310,7 @@ fn close<T: Real>(
     for &v in &cluster.locked {
         ws.qd[cluster.v + v] = T::ZERO;
     }
-    for (i, &r) in rows_at(cluster, &mut ws.scratch).iter().enumerate() {
+    for (i, &r) in rows_at(cluster, &mut ws.scratch, CLEAR).iter().enumerate() {
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
         let unit = row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
         let of_row = &ws.scratch.K[r * cluster.n_v..(r + 1) * cluster.n_v];
@@ -331,7 +331,7 @@ fn residuals<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
     let scratch = &mut ws.scratch;
     constraint_residual(cluster, &scratch.pose, &ws.q[cluster.coordinates()], &mut scratch.phi);
     let mut largest = T::ZERO;
-    for (i, &r) in rows_at(cluster, scratch).iter().enumerate() {
+    for (i, &r) in rows_at(cluster, scratch, CLEAR).iter().enumerate() {
         let row = cluster.cuts.iter().flat_map(|cut| &cut.rows).nth(r);
         let phi = scratch.phi[r] * row.map_or(T::ONE, |row| T::from_f64(row_unit(cluster, row)));
         ws.dense_rhs[i] = phi;
@@ -342,7 +342,7 @@ fn residuals<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> T {
 
 /// The solution of least norm of K_s x = b into `dense_spare`, b in `dense_rhs`, K in the scratch.
 fn least_step<T: Real>(cluster: &Cluster<T>, ws: &mut Workspace<T>) -> Result<(), Status> {
-    let used = rows_at(cluster, &mut ws.scratch);
+    let used = rows_at(cluster, &mut ws.scratch, CLEAR);
     let m = used.len();
     let n = cluster.independent.len() + cluster.dependent.len();
     let A = &mut ws.dense;

@@ -27,8 +27,8 @@ pub(crate) use constraint::rows::{
     forces_of_derivative, largest_residual, local_poses,
 };
 pub(crate) use constraint::scaling::{
-    assembly_branch, column_unit, declared, declared_forces, dependents_range, row_unit, rows_at,
-    scaled,
+    CLEAR, assembly_branch, column_unit, declared, declared_forces, dependents_range, row_unit,
+    rows_at, scaled,
 };
 pub(crate) use constraint::second::Second;
 pub(crate) use coupling::Coupling;

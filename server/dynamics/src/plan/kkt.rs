@@ -12,7 +12,7 @@
 use sarrus_proto::Status;
 
 use crate::algorithms;
-use crate::closure::{constraint_bias, constraint_residual, local_rates, row_unit, rows_at};
+use crate::closure::{CLEAR, constraint_bias, constraint_residual, local_rates, row_unit, rows_at};
 use crate::linalg::solve_pivoted;
 use crate::mechanism::Cluster;
 use crate::model::{Model, Scope};
@@ -44,7 +44,7 @@ impl Plan {
         for &c in &model.closed_clusters {
             let cluster = &model.clusters[c];
             ws.constraint_jacobian(cluster, model.bodies_of(cluster));
-            for &r in rows_at(cluster, &mut ws.scratch) {
+            for &r in rows_at(cluster, &mut ws.scratch, CLEAR) {
                 for j in 0..cluster.n_v {
                     let force = &mut ws.loop_q[cluster.v + j];
                     *force = (-ws.scratch.K[r * cluster.n_v + j]).mul_add(x[row], *force);
@@ -87,7 +87,7 @@ pub(crate) fn tree_under_constraints<T: Real>(
     for &c in &model.closed_clusters {
         let cluster = &model.clusters[c];
         ws.constraint_jacobian(cluster, model.bodies_of(cluster));
-        let rows = rows_at(cluster, &mut ws.scratch);
+        let rows = rows_at(cluster, &mut ws.scratch, CLEAR);
         bias(model, cluster, ws);
         if let Some(([alpha, beta], drift)) = &mut stabilised {
             stabilise(cluster, ws, *alpha, *beta, drift);

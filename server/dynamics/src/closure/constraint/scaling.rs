@@ -13,8 +13,9 @@ use crate::linalg::{determinant_sign, singular_range};
 use crate::mechanism::{Cluster, CutRow};
 use crate::scalar::Real;
 
-/// Least singular value of the scaled K_d from which on rows are taken as they are.
-const CLEAR: f64 = 1e-2;
+/// Least singular value of the scaled K_d from which on rows are taken as they are: closures do so,
+/// and rows of files may contradict each other by their rounding.
+pub(crate) const CLEAR: f64 = 1e-2;
 
 /// The unit of one local velocity.
 pub(crate) fn column_unit<T>(cluster: &Cluster<T>, v: usize) -> f64 {
@@ -70,20 +71,20 @@ pub(crate) fn scaled<T: Real>(
 
 /// Largest and least singular value of the scaled K_d; K is that of the pose in question.
 pub(crate) fn dependents_range<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
-    let rows = rows_at(cluster, scratch);
+    let rows = rows_at(cluster, scratch, f64::INFINITY);
     range_of(cluster, rows, scratch)
 }
 
-/// The rows that make the square system at the pose of K: those that were kept at load unless they
-/// are near a singular pose, as closures have it, since rows of files may contradict each other by
-/// their rounding; then those that are farthest from one.
+/// The rows that make the square system at the pose of K: of several choices the first one whose
+/// least singular value is above `clear`, else the one that is farthest from a singular pose.
 pub(crate) fn rows_at<'a, T: Real>(
     cluster: &'a Cluster<T>,
     scratch: &mut Scratch<T>,
+    clear: f64,
 ) -> &'a [usize] {
     let mut best = (&cluster.used, T::from_f64(-1.0));
     for rows in core::iter::once(&cluster.used).chain(&cluster.other_rows) {
-        if cluster.other_rows.is_empty() || T::from_f64(CLEAR).lt(best.1) {
+        if cluster.other_rows.is_empty() || T::from_f64(clear).lt(best.1) {
             break;
         }
         let (_, least) = range_of(cluster, rows, scratch);

@@ -325,7 +325,7 @@ pub(in crate::closure) fn singular_status<T: Real>(
 /// True where the K in the scratch has lost rank.
 pub(crate) fn loses_rank<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> bool {
     let n = cluster.n_v;
-    let used = rows_at(cluster, scratch);
+    let used = rows_at(cluster, scratch, f64::INFINITY);
     let rows = used.len();
     // the transpose of the scaled K; idle joints stand still
     let A = &mut scratch.A;

@@ -159,7 +159,7 @@ impl<T: Real> Range<T> {
 /// Range of the singular values of K_d in the units of the model.
 fn K_d<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>) -> (T, T) {
     let m = cluster.dependent.len();
-    let used = rows_at(cluster, scratch);
+    let used = rows_at(cluster, scratch, f64::INFINITY);
     let Scratch { K, A, .. } = scratch;
     for (i, &r) in used.iter().enumerate() {
         let Some((_, of)) = rows(cluster).nth(r) else { continue };
