@@ -214,11 +214,11 @@ fn include(
         return Vec::new();
     };
     let written = file.value.trim();
-    let below = written.split_once("://").map_or(written, |(_, path)| path);
-    let path = match Path::new(below).extension() {
-        None if is_sdf => Path::new(below).join("model.sdf"),
-        _ => PathBuf::from(if is_sdf { below } else { written }),
-    };
+    let scheme = if is_sdf { written.find("://").map_or(0, |at| at + 3) } else { 0 };
+    let mut path = PathBuf::from(&written[scheme..]);
+    if is_sdf && path.extension().is_none() {
+        path.push("model.sdf");
+    }
     let opened = files.open(&path, file.span, diagnostics);
     let Some((real, name, bytes)) = opened else { return Vec::new() };
     files.count += 1;

@@ -181,7 +181,8 @@ pub(crate) fn imported(
     lenient: bool,
 ) -> PyResult<(Vec<u8>, Vec<u8>)> {
     let options = Options { lenient, ..Options::default() };
-    let found = import(&file, Some(urdf), &[], &options).map_err(|error| load_error(py, error))?;
+    let found = py.detach(|| import(&file, Some(urdf), &[], &options));
+    let found = found.map_err(|error| load_error(py, error))?;
     Ok((found.urdf, found.submechanisms))
 }
 

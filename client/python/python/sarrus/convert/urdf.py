@@ -128,7 +128,7 @@ def origin(element: ElementTree.Element, frame: Array) -> None:
 def roll_pitch_yaw(r: Array) -> tuple[float, float, float]:
     """Angles of r = Rz(yaw) Ry(pitch) Rx(roll), to rounding at each pose.
 
-    Near a pitch of ±90° the yaw is any angle; roll and pitch are those of what it leaves.
+    Near a pitch of ±90° every yaw serves; roll and pitch are those of the remaining rotation.
     """
     yaw = np.arctan2(r[1, 0], r[0, 0])
     c, s = np.cos(yaw), np.sin(yaw)

@@ -130,7 +130,7 @@ class Stage:
         return prim.GetAttribute(name).Get()
 
     def report_unread(self, robot: Robot) -> None:
-        """Report what files say of bodies and joints beyond what is read here."""
+        """Report the physical attributes of bodies and joints that were not read."""
         places = [*self.bodies, *(of for of in self.prims() if of.IsA(self.pxr.UsdPhysics.Joint))]
         for prim in places:
             for attribute in prim.GetAuthoredAttributes():
