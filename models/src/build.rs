@@ -139,12 +139,15 @@ pub(crate) fn description(
         Link { name: link.name.clone(), inertial }
     });
     let joints = urdf.joints.iter().map(|entry| {
-        let terms = entry
-            .masters
-            .iter()
-            .map(|master| Some((*urdf.joint_index.get(&master.joint)?, master.multiplier)));
-        let terms: Vec<(usize, f64)> = terms.collect::<Option<_>>()?;
-        let offset = entry.masters.iter().map(|master| master.offset).sum();
+        let mut coupling = Coupling::default();
+        for master in &entry.masters {
+            let of = *urdf.joint_index.get(&master.joint)?;
+            coupling.offset += master.offset;
+            match &master.curve {
+                Some(curve) => coupling.curves.push((of, curve.clone())),
+                None => coupling.terms.push((of, master.multiplier)),
+            }
+        }
         Some(Joint {
             name: entry.name.clone(),
             kind: entry.kind?,
@@ -153,7 +156,7 @@ pub(crate) fn description(
             origin: entry.origin,
             axis: entry.axis,
             limits: limits(entry),
-            coupling: (!terms.is_empty()).then_some(Coupling { terms, offset }),
+            coupling: (!entry.masters.is_empty()).then_some(coupling),
             terms: entry.terms,
             motor: entry.motor.clone(),
         })

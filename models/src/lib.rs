@@ -47,7 +47,7 @@
 //! - Loops in the elements of other programs (`<gazebo><joint>`, `<loop>`, `<loop_joint>`,
 //!   `<constraint>`, `<drake:ball_constraint>`), and `<coupling>` of URDF+; the README has a table.
 //! - `<mimic>`, and `<transmission>` with `<joint name><depends_on joint multiplier
-//!   offset/></joint>`, as couplings.
+//!   offset/></joint>`, as couplings; `polynomial` or `table` in place of `multiplier` is a curve.
 //! - A SMURF file in place of the URDF, or a file of MJCF, SDF or Gepetto's tools, which [`import`]
 //!   converts.
 //!

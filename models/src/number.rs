@@ -15,16 +15,12 @@ pub(crate) enum NumberFault {
 
 /// `N` numbers separated by white space.
 pub(crate) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], NumberFault> {
-    let mut numbers = [0.0; N];
-    let mut count = 0;
-    for word in text.split_ascii_whitespace() {
-        let value = number(word)?;
-        if let Some(slot) = numbers.get_mut(count) {
-            *slot = value;
-        }
-        count += 1;
-    }
-    if count == N { Ok(numbers) } else { Err(NumberFault::Count(count)) }
+    list(text)?.try_into().map_err(|numbers: Vec<f64>| NumberFault::Count(numbers.len()))
+}
+
+/// Numbers separated by white space.
+pub(crate) fn list(text: &str) -> Result<Vec<f64>, NumberFault> {
+    text.split_ascii_whitespace().map(number).collect()
 }
 
 /// One finite number without anything around it.

@@ -96,4 +96,6 @@ pairs! {
     sums_and_views_on_far_and_floating_bases_are_right_or_told 10
     sums_and_views_with_locks_and_couplings_are_right_or_told 11
     oblique_rows_and_actuators_are_right_or_told 12
+    curves_loops_dialects_and_locks_are_right_or_told 13
+    curves_sums_and_sizes_are_right_or_told 14
 }

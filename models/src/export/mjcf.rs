@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use sarrus_dynamics::Site;
-use sarrus_dynamics::description::{Inertial, Joint, JointKind};
+use sarrus_dynamics::description::{Coupling, Curve, Inertial, Joint, JointKind};
 
 use super::cuts::Tie;
 use super::urdf::escaped;
@@ -247,6 +247,15 @@ fn equalities(out: &Out<'_>, ties: &[Tie]) -> String {
         let name = escaped(&joint.name);
         let offset = number(coupling.offset);
         let _ = match coupling.terms.as_slice() {
+            [] => {
+                let (master, of) = quartic(coupling).unwrap_or_default();
+                let [a, b, c, d, e] = of.map(number);
+                writeln!(
+                    text,
+                    "    <joint joint1=\"{name}\" joint2=\"{}\" polycoef=\"{a} {b} {c} {d} {e}\"/>",
+                    escaped(&out.robot.of.joints[master].name)
+                )
+            }
             [(master, factor)] => writeln!(
                 text,
                 "    <joint joint1=\"{name}\" joint2=\"{}\" polycoef=\"{offset} {} 0 0 0\"/>",
@@ -289,4 +298,24 @@ fn has_limit(joint: &Joint) -> bool {
 /// A section that has something in it.
 fn within(name: &str, text: String) -> String {
     if text.is_empty() { text } else { format!("  <{name}>\n{text}  </{name}>\n") }
+}
+
+/// The joint that another one follows by a polynomial up to degree 4 alone, and its coefficients.
+pub(crate) fn quartic(coupling: &Coupling) -> Option<(usize, [f64; 5])> {
+    let ([], [(of, Curve::Polynomial { about, coefficients })]) =
+        (&coupling.terms[..], &coupling.curves[..])
+    else {
+        return None;
+    };
+    // (q − about)^k by Horner's rule
+    let mut powers = [0.0; 6];
+    for c in coefficients.iter().rev() {
+        for k in (1..6).rev() {
+            powers[k] = powers[k - 1] - about * powers[k];
+        }
+        powers[0] = c - about * powers[0];
+    }
+    powers[0] += coupling.offset;
+    let [quartic @ .., rest] = powers;
+    (rest == 0.0).then_some((*of, quartic))
 }

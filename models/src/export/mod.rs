@@ -195,7 +195,12 @@ impl Out<'_> {
                 let help = "dry friction is written where the format has it, viscous is not";
                 self.note(Site::Joint(j), found, help);
             }
-            if target == Target::Gepetto && (joint.coupling.is_some() || has_terms(joint)) {
+            let coupling = joint.coupling.as_ref().filter(|of| !of.curves.is_empty());
+            if coupling.is_some_and(|of| target != Target::Mjcf || mjcf::quartic(of).is_none()) {
+                let found = format!("{name} follows a curve");
+                let expected = "a line, or in MJCF a polynomial up to degree 4 of one joint";
+                self.lost(Site::Joint(j), found, expected, "choose the target urdf");
+            } else if target == Target::Gepetto && (joint.coupling.is_some() || has_terms(joint)) {
                 let found = format!("{name} has a coupling, a spring, a damper or a rotor");
                 let help = "remove it, or choose the target pinocchio";
                 self.lost(Site::Joint(j), found, "none of them", help);

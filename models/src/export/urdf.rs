@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use sarrus_dynamics::description::{Description, Inertial, Joint, JointKind, Placement};
+use sarrus_dynamics::description::{
+    Coupling, Curve, Description, Inertial, Joint, JointKind, Placement,
+};
 
 use super::{attribute, is_single, list};
 use crate::rewrite::number;
@@ -123,6 +125,7 @@ fn of_joint(of: &Description, joint: &Joint, is_ours: bool) -> String {
     if let Some((coupling, (master, factor))) =
         joint.coupling.as_ref().and_then(|of| Some((of, *of.terms.first()?)))
         && coupling.terms.len() == 1
+        && coupling.curves.is_empty()
     {
         let master = escaped(&of.joints[master].name);
         let _ = write!(
@@ -158,19 +161,31 @@ fn of_joint(of: &Description, joint: &Joint, is_ours: bool) -> String {
 
 /// The coupling of a joint to several others.
 fn transmission(of: &Description, joint: &Joint) -> String {
-    let Some(coupling) = joint.coupling.as_ref().filter(|of| of.terms.len() > 1) else {
+    let is_written = |of: &&Coupling| of.terms.len() > 1 || !of.curves.is_empty();
+    let Some(coupling) = joint.coupling.as_ref().filter(is_written) else {
         return String::new();
     };
     let name = escaped(&joint.name);
     let mut text = format!("  <transmission name=\"{name}\">\n    <joint name=\"{name}\">\n");
-    for (k, (master, factor)) in coupling.terms.iter().enumerate() {
+    let linear =
+        coupling.terms.iter().map(|(of, x)| (of, format!("multiplier=\"{}\"", number(*x))));
+    let curves = coupling.curves.iter().map(|(of, curve)| (of, curve_text(curve)));
+    for (k, (master, by)) in linear.chain(curves).enumerate() {
         let _ = writeln!(
             text,
-            "      <depends_on joint=\"{}\" multiplier=\"{}\" offset=\"{}\"/>",
+            "      <depends_on joint=\"{}\" {by} offset=\"{}\"/>",
             escaped(&of.joints[*master].name),
-            number(*factor),
             number(if k == 0 { coupling.offset } else { 0.0 })
         );
     }
     text + "    </joint>\n  </transmission>\n"
+}
+
+fn curve_text(curve: &Curve) -> String {
+    match curve {
+        Curve::Polynomial { about, coefficients } => {
+            format!("polynomial=\"{}\" about=\"{}\"", list(coefficients), number(*about))
+        }
+        Curve::Table(points) => format!("table=\"{}\"", list(points.as_flattened())),
+    }
 }

@@ -43,6 +43,8 @@ pub(crate) struct Joint {
     pub(crate) terms: Terms,
     /// The joints that it follows, and the offset.
     pub(crate) coupling: Option<(Vec<(String, f64)>, f64)>,
+    /// A joint that it follows besides, by the coefficients of a polynomial.
+    pub(crate) curve: Option<(String, Vec<f64>)>,
     /// Where an equality holds it.
     pub(crate) held: Option<f64>,
     /// The sum of its actuators' largest forces; `None` where it is not driven.
@@ -79,6 +81,7 @@ impl Joint {
             velocity: f64::INFINITY,
             terms: Terms::default(),
             coupling: None,
+            curve: None,
             held: None,
             drive: None,
         }

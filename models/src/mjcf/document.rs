@@ -67,9 +67,7 @@ impl Element {
 impl Attribute {
     /// Its numbers, at most `most`; `None` after an error.
     pub(crate) fn numbers(&self, most: usize, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
-        let words = self.value.split_ascii_whitespace();
-        let numbers: Result<Vec<f64>, NumberFault> = words.map(number::number).collect();
-        let fault = match numbers {
+        let fault = match number::list(&self.value) {
             Ok(numbers) if (1..=most).contains(&numbers.len()) => return Some(numbers),
             Ok(numbers) => NumberFault::Count(numbers.len()),
             Err(fault) => fault,

@@ -137,17 +137,23 @@ impl<'e> Equalities<'e, '_> {
         Some(())
     }
 
-    /// The constant and the slope of `polycoef`, which must be linear.
-    fn line(&mut self, item: &Item<'_>, name: &str) -> Option<[f64; 2]> {
-        let written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
-        if written.iter().skip(2).any(|of| *of != 0.0) {
-            let found = format!("the coupling {} is a polynomial of a higher degree", quoted(name));
-            let help = "write a polynomial of degree 1";
-            self.diagnostics.dynamics(item.at("polycoef"), found, "a straight line", help);
-            return None;
+    /// first = Σ c_k second^k of two joints, in coordinates that are zero in the file's pose.
+    fn bend(&mut self, item: &Item<'_>, name: &str, coefficients: Vec<f64>) -> Option<()> {
+        let [follower, master] = ["joint1", "joint2"].map(|key| {
+            let terms = if item.tag() == "joint" { self.terms(item, key)? } else { Vec::new() };
+            self.tree.joint(&terms.first()?.0)
+        });
+        let of = self.tree.joints.get(master?)?.name.clone();
+        let joint = self.tree.joints.get_mut(follower?)?;
+        if joint.coupling.is_none() && joint.held.is_none() && joint.name != of {
+            joint.coupling = Some((Vec::new(), 0.0));
+            joint.curve = Some((of, coefficients));
+            return Some(());
         }
-        let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
-        Some([number(0, 0.0), number(1, 1.0)])
+        let found = format!("the first joint of the coupling {} follows others", quoted(name));
+        let help = "remove one of the couplings";
+        self.diagnostics.dynamics(item.span(), found, "one that is free", help);
+        None
     }
 
     /// The terms of the joint or the tendon that an attribute names.
@@ -169,11 +175,21 @@ impl<'e> Equalities<'e, '_> {
     /// first = a + b second, in coordinates that are zero in the file's pose: one joint follows the
     /// others, the first one that follows none yet.
     fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
-        let line = self.line(item, name);
+        let written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
+        if written.iter().skip(2).any(|of| *of != 0.0) {
+            if item.tag() == "joint" && item.has("joint2") {
+                return self.bend(item, name, written);
+            }
+            let found = format!("the coupling {} is a polynomial of lengths", quoted(name));
+            let help = "write a polynomial of degree 1, or couple two joints";
+            self.diagnostics.dynamics(item.at("polycoef"), found, "a straight line", help);
+            return None;
+        }
+        let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
         let [first, second] = [1, 2].map(|k| format!("{}{k}", item.tag()));
         let mut terms = self.terms(item, &first)?;
         let slope = if item.has(&second) { self.terms(item, &second)? } else { Vec::new() };
-        let [constant, factor] = line?;
+        let [constant, factor] = [number(0, 0.0), number(1, 1.0)];
         terms.extend(slope.into_iter().map(|(joint, of)| (joint, -factor * of)));
         // Σ terms = constant
         let mut sums: Vec<(String, f64)> = Vec::new();

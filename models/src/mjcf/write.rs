@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use sarrus_dynamics::description::{
-    Coupling, Cut as Place, Description, Inertial, Joint as Written, JointKind, Limits, Link, Loop,
-    Submechanism, SubmechanismKind, Terms,
+    Coupling, Curve, Cut as Place, Description, Inertial, Joint as Written, JointKind, Limits,
+    Link, Loop, Submechanism, SubmechanismKind, Terms,
 };
 
 use super::body::{Joint, Kind, Tree};
@@ -36,7 +36,11 @@ pub(crate) fn description(name: &str, tree: &Tree, cuts: &[Cut]) -> Description 
         };
         let master = |name: &String| tree.joint(name).and_then(|j| places.get(j).copied());
         let terms = terms.iter().filter_map(|(name, factor)| Some((master(name)?, *factor)));
-        let coupling = Coupling { terms: terms.collect(), offset: *offset };
+        let curve = |(name, of): &(String, Vec<f64>)| {
+            Some((master(name)?, Curve::Polynomial { about: 0.0, coefficients: of.clone() }))
+        };
+        let curves = Vec::from_iter(joint.curve.as_ref().and_then(curve));
+        let coupling = Coupling { terms: terms.collect(), offset: *offset, curves };
         if let Some(written) = of.joints.get_mut(*at) {
             written.coupling = Some(coupling);
         }
@@ -135,7 +139,9 @@ fn submechanisms(name: &str, of: &Writer<'_>, places: &[usize], cuts: &[Cut]) ->
     let mut groups: Vec<Tied<&Cut>> = Vec::new();
     for (j, joint) in tree.joints.iter().enumerate() {
         if let Some((terms, _)) = &joint.coupling {
-            let masters = terms.iter().filter_map(|(name, _)| tree.joint(name));
+            let names = terms.iter().map(|(name, _)| name);
+            let names = names.chain(joint.curve.iter().map(|(name, _)| name));
+            let masters = names.filter_map(|name| tree.joint(name));
             tie(&mut groups, (masters.chain([j]).collect(), Vec::new()));
         }
     }

@@ -29,7 +29,7 @@ pub fn with_inertials(text: &str, links: &[(&str, Inertial)]) -> Result<String, 
             return Err(format!("the inertia of the link {name}, which is not in the URDF"));
         };
         set(text, mass, "value", number(inertial.mass), &mut edits);
-        let xyz = list(inertial.origin.xyz, " ");
+        let xyz = list(&inertial.origin.xyz, " ");
         match child(node, "origin") {
             Some(origin) => set(text, origin, "xyz", xyz, &mut edits),
             None => {

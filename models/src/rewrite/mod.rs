@@ -180,6 +180,6 @@ pub(crate) fn number(x: f64) -> String {
     if plain.len() > 24 { format!("{x:e}") } else { plain }
 }
 
-fn list(of: [f64; 3], between: &str) -> String {
-    of.map(number).join(between)
+fn list(of: &[f64], between: &str) -> String {
+    of.iter().map(|x| number(*x)).collect::<Vec<_>>().join(between)
 }

@@ -1,7 +1,7 @@
 //! Attributes of joints, by position.
 
 use roxmltree::{Document, Node};
-use sarrus_dynamics::description::Joint;
+use sarrus_dynamics::description::{Curve, Joint};
 
 use super::{Edit, NewZero, list, number};
 use crate::report::Diagnostics;
@@ -40,8 +40,8 @@ pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
 fn joint(text: &str, node: Node<'_, '_>, old: &Joint, new: &Joint, edits: &mut Vec<Edit>) {
     let child = |name: &str| node.children().find(|child| child.has_tag_name(name));
     if old.origin != new.origin {
-        let xyz = list(new.origin.xyz, " ");
-        let rpy = list(new.origin.rpy, " ");
+        let xyz = list(&new.origin.xyz, " ");
+        let rpy = list(&new.origin.rpy, " ");
         match child("origin") {
             Some(origin) => {
                 if old.origin.xyz != new.origin.xyz {
@@ -108,28 +108,36 @@ fn coupling(
     new: &Joint,
     edits: &mut Vec<Edit>,
 ) -> Result<(), String> {
-    let offset = |of: &Joint| of.coupling.as_ref().map_or(0.0, |coupling| coupling.offset);
-    let more = offset(new) - offset(old);
-    if more == 0.0 {
+    let (Some(old_coupling), Some(new)) = (&old.coupling, &new.coupling) else { return Ok(()) };
+    if new == old_coupling {
         return Ok(());
     }
-    let of_transmission = || {
-        let is_it = |node: &Node<'_, '_>| {
-            node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
-        };
-        root.children()
-            .filter(|node| node.has_tag_name("transmission"))
-            .flat_map(|node| node.children())
-            .filter(is_it)
-            .flat_map(|node| node.children())
-            .find(|node| node.has_tag_name("depends_on"))
+    let is_it = |node: &Node<'_, '_>| {
+        node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
     };
-    let Some(at) = node.children().find(|node| node.has_tag_name("mimic")).or_else(of_transmission)
+    let mut of_transmission = root
+        .children()
+        .filter(|node| node.has_tag_name("transmission"))
+        .flat_map(|node| node.children())
+        .filter(is_it)
+        .flat_map(|node| node.children())
+        .filter(|node| node.has_tag_name("depends_on"));
+    let is_curved = |of: &Node<'_, '_>| of.has_attribute("polynomial") || of.has_attribute("table");
+    for (at, (_, curve)) in of_transmission.clone().filter(is_curved).zip(&new.curves) {
+        match curve {
+            Curve::Polynomial { about, .. } => set(text, at, "about", number(*about), edits),
+            Curve::Table(points) => {
+                set(text, at, "table", list(points.as_flattened(), " "), edits);
+            }
+        }
+    }
+    let Some(at) =
+        node.children().find(|node| node.has_tag_name("mimic")).or_else(|| of_transmission.next())
     else {
         return Err(format!("the coupling of {}, which stands in another file", old.name));
     };
     let now = at.attribute("offset").and_then(|x| x.trim().parse::<f64>().ok()).unwrap_or(0.0);
-    set(text, at, "offset", number(now + more), edits);
+    set(text, at, "offset", number(now + new.offset - old_coupling.offset), edits);
     Ok(())
 }
 

@@ -24,7 +24,7 @@ pub(super) fn edits(
         let entry = root.get("submechanisms")?.items().get(*s)?;
         let (key, value) = entry.get("loop_constraints")?.items().get(*l)?.entry("cut_joint")?;
         let placement = |key: &str, at: &Placement| {
-            format!("{key}: {{xyz: [{}], rpy: [{}]}}", list(at.xyz, ", "), list(at.rpy, ", "))
+            format!("{key}: {{xyz: [{}], rpy: [{}]}}", list(&at.xyz, ", "), list(&at.rpy, ", "))
         };
         let placements = [
             placement("predecessor_placement", predecessor),

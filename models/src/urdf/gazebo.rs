@@ -133,6 +133,7 @@ fn mimic<'t>(reader: &mut Reader<'t, '_>, plugin: Node<'_, 't>) -> Option<Depend
         child(plugin, element)
             .map_or(Some(default), |node| reader.numbers_of_text(node).map(|[number]| number))
     });
-    let master = Master { joint: master, span, multiplier: multiplier?, offset: offset? };
+    let master =
+        Master { joint: master, span, multiplier: multiplier?, offset: offset?, curve: None };
     Some(Dependence { joint, span, masters: vec![master] })
 }

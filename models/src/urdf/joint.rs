@@ -1,7 +1,7 @@
 //! Joints: type, links, axis, limits, couplings.
 
 use roxmltree::Node;
-use sarrus_dynamics::description::{JointKind, Limits, Motor, Placement, Terms};
+use sarrus_dynamics::description::{Curve, JointKind, Limits, Motor, Placement, Terms};
 
 use super::compound::Compound;
 use super::dynamics;
@@ -79,6 +79,8 @@ pub(crate) struct Master {
     pub(crate) span: Span,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
+    /// In place of the multiplier.
+    pub(crate) curve: Option<Curve>,
 }
 
 pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> JointEntry {
@@ -324,5 +326,5 @@ pub(super) fn master<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opt
         }
     });
     let (joint, span) = joint?;
-    Some(Master { joint, span, multiplier: multiplier?, offset: offset? })
+    Some(Master { joint, span, multiplier: multiplier?, offset: offset?, curve: None })
 }

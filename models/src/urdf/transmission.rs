@@ -1,9 +1,10 @@
-//! Linear couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's
+//! Couplings of several joints: `<transmission>` with `<depends_on>` children, HyRoDyn's
 //! extension of URDF, and `<coupling>`, that of URDF+.
 
 use roxmltree::Node;
 
-use sarrus_dynamics::description::JointKind;
+use sarrus_dynamics::description::{Curve, JointKind};
+use sarrus_dynamics::{curve_at, curve_fault};
 
 use super::Urdf;
 use super::joint::{Master, master};
@@ -15,6 +16,7 @@ const TRANSMISSION: Shape =
 const JOINT: Shape =
     Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
 const DEPENDS_ON: Shape = Shape::of(&["joint", "multiplier", "offset"]);
+const CURVED: Shape = Shape::of(&["joint", "polynomial", "about", "table", "offset"]);
 const COUPLING: Shape = Shape {
     attributes: &["name", "type"],
     once: &["predecessor", "successor", "ratio"],
@@ -46,14 +48,57 @@ pub(super) fn read<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<D
         let name = reader.required(joint, "name");
         let mut masters = Vec::new();
         for term in reader.children(joint, &JOINT) {
-            reader.children(term, &DEPENDS_ON);
-            masters.extend(master(reader, term));
+            let is_curved = ["polynomial", "table"].iter().any(|name| term.has_attribute(*name));
+            reader.children(term, if is_curved { &CURVED } else { &DEPENDS_ON });
+            let curve = if is_curved { curve(reader, term) } else { None };
+            masters.extend(master(reader, term).map(|of| Master { curve, ..of }));
         }
         if let Some((joint, span)) = name.filter(|_| !masters.is_empty()) {
             dependences.push(Dependence { joint, span, masters });
         }
     }
     dependences
+}
+
+/// The curve of `polynomial` or `table`; `None` after an error.
+fn curve<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Curve> {
+    let kinds = ["multiplier", "polynomial", "table"];
+    if kinds.iter().filter(|kind| node.has_attribute(**kind)).count() > 1 {
+        let found = "a multiplier, a polynomial or a table beside another of them";
+        reader.diagnostics.error(reader.span(node), found, "one of the three", "remove the others");
+        return None;
+    }
+    let curve = match (reader.list(node, "polynomial"), reader.list(node, "table")) {
+        (Some(coefficients), _) => {
+            let about = reader.number(node, "about").unwrap_or_default();
+            Curve::Polynomial { about, coefficients }
+        }
+        (_, Some(numbers)) if numbers.len().is_multiple_of(2) => {
+            Curve::Table(numbers.chunks_exact(2).map(|point| [point[0], point[1]]).collect())
+        }
+        _ => Curve::Table(Vec::new()),
+    };
+    if let Some(expected) = curve_fault(&curve) {
+        let found = "a curve of `depends_on` that is none";
+        reader.diagnostics.error(reader.span(node), found, expected, "correct its numbers");
+        return None;
+    }
+    if let Curve::Table(points) = &curve {
+        let at = |[x, y]: &[f64; 2]| {
+            let [f, _, second, _] = curve_at(&curve, *x);
+            [(f - y).abs(), second.abs()]
+        };
+        let [off, bend] =
+            points.iter().map(at).fold([0.0, 0.0], |[a, b]: [f64; 2], [c, d]| [a.max(c), b.max(d)]);
+        let found = format!(
+            "the curve through a table of {} points leaves them by {off:.1e}; its second \
+             derivative reaches {bend:.3}",
+            points.len()
+        );
+        let help = "where that is large for the mechanism, the points have too few digits";
+        reader.diagnostics.note(reader.span(node), found, help);
+    }
+    Some(curve)
 }
 
 /// `<coupling>` of URDF+: the turns between the common ancestor of two links and the successor are
@@ -134,7 +179,13 @@ impl Gear {
         };
         let name = |j: usize| joint(j).map(|joint| joint.name.clone());
         let masters = terms.iter().filter(|(j, _)| j != follower).filter_map(|(j, factor)| {
-            Some(Master { joint: name(*j)?, span, multiplier: -factor / own, offset: 0.0 })
+            Some(Master {
+                joint: name(*j)?,
+                span,
+                multiplier: -factor / own,
+                offset: 0.0,
+                curve: None,
+            })
         });
         Some(Dependence { joint: name(*follower)?, span, masters: masters.collect() })
     }

@@ -225,6 +225,18 @@ impl<'t, 'f> Reader<'t, 'f> {
         self.parsed(found.value(), name, self.span_of_value(&found))
     }
 
+    /// Finite numbers, as many as there are; `None` when the attribute is absent or after an error.
+    pub(super) fn list(&mut self, node: Node<'_, 't>, attribute: &str) -> Option<Vec<f64>> {
+        let found = node.attribute_node(attribute)?;
+        let fault = match number::list(found.value()) {
+            Ok(numbers) => return Some(numbers),
+            Err(fault) => format!("`{attribute}`: {fault}"),
+        };
+        let span = self.span_of_value(&found);
+        self.diagnostics.error(span, fault, "finite numbers", "correct the value");
+        None
+    }
+
     /// The finite numbers that an element holds as its text; `None` after an error.
     pub(super) fn numbers_of_text<const N: usize>(
         &mut self,

@@ -210,7 +210,7 @@ pub(super) fn mjcf(name: &str) -> Loaded {
 }
 
 /// With couplings to one joint and to several, springs, rotors, balls, welds, free bodies.
-const MODELS: [&str; 5] = ["ankle", "gripper", "leg", "rules", "tied"];
+const MODELS: [&str; 6] = ["ankle", "gripper", "knee", "leg", "rules", "tied"];
 
 #[test]
 fn robots_of_mjcf_are_the_same_after_writing_our_own_files() {

@@ -16,6 +16,7 @@ macro_rules! faults {
 
 mod as_published;
 mod compounds;
+mod curves;
 mod cuts;
 mod dialects;
 mod dimensions;

@@ -196,6 +196,11 @@ fn couplings_welds_and_sites_agree_with_mujoco() {
     agrees("tied");
 }
 
+#[test]
+fn a_knee_of_polynomials_agrees_with_mujoco() {
+    agrees("knee");
+}
+
 /// A model of one body with these parts around it.
 fn model(before: &str, body: &str, behind: &str) -> String {
     format!(
@@ -224,13 +229,18 @@ const BALL: &str = "<geom size=\"0.1\"/>";
 fn a_part_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() {
     let tendon =
         "<tendon><spatial name=\"t\" stiffness=\"3\"><site site=\"s\"/></spatial></tendon>";
-    let curve = "<equality><joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1 2\"/></equality>";
+    let curve = "<tendon><fixed name=\"f\"><joint joint=\"j\" coef=\"1\"/></fixed>\
+        <fixed name=\"s\"><joint joint=\"k\" coef=\"1\"/></fixed></tendon>\
+        <equality><tendon tendon1=\"f\" tendon2=\"s\" polycoef=\"0 1 2\"/></equality>";
+    let bend = "<joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1 2\"/>";
+    let bends = format!("<equality>{bend}{bend}</equality>");
     let second = "<geom size=\"0.1\"/><body><joint name=\"k\"/><geom size=\"0.1\"/></body>";
     let site = "<actuator><motor name=\"m\" site=\"s\"/></actuator>";
     let medium = "<option density=\"1.2\"/>";
     for (text, words) in [
         (model("", BALL, tendon), "the spatial tendon `t` with a spring"),
-        (model("", second, curve), "is a polynomial of a higher degree"),
+        (model("", second, curve), "is a polynomial of lengths"),
+        (model("", second, &bends), "the first joint of the coupling"),
         (model("", BALL, site), "the actuator `m` drives no hinge"),
         (model(medium, BALL, ""), "`density` of a medium is not modelled"),
         (model("<option><flag gravity=\"disable\"/></option>", BALL, ""), "`gravity` is disabled"),

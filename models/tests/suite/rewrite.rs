@@ -117,6 +117,24 @@ fn cuts_in_a_frame_of_the_old_zero_pose_get_placements() {
 }
 
 #[test]
+fn curves_of_couplings_are_moved_with_the_zero_pose() {
+    use super::curves::{URDF, YAML, motion};
+    let old = loaded(URDF.as_bytes(), YAML.as_bytes());
+    let [start, ..] = motion(&old, [0.4, 0.0, 0.0]);
+    let (_, files) = written(URDF, YAML, &start);
+    assert_eq!(files.submechanisms, None);
+    let new = loaded(&files.urdf, YAML.as_bytes());
+    for x in [-0.7, 0.0, 0.2, 1.1] {
+        let [[q, qd, qdd], again] =
+            [(&old, 0.4 + x), (&new, x)].map(|(of, y)| motion(of, [y, 1.3, 0.4]));
+        let q = q.iter().zip(&start).map(|(q, start)| q - start).collect::<Vec<_>>();
+        for (a, b) in again.iter().flatten().zip([q, qd, qdd].iter().flatten()) {
+            assert!((a - b).abs() < 1e-14, "{x}: {a} {b}");
+        }
+    }
+}
+
+#[test]
 fn cuts_that_say_the_same_at_another_zero_pose_leave_the_submechanisms_alone() {
     let (_, files) = written(URDF, YAML, &[0.2, 0.0, 0.0]);
     assert_eq!(files.submechanisms, None);

@@ -12,7 +12,7 @@ pub use cut::{CutBuilder, CutJoint};
 pub use joint::JointBuilder;
 
 use self::submechanism::Group;
-use crate::description::{Coupling, Description, Inertial, JointKind, Link, SubmechanismKind};
+use crate::description::{Curve, Description, Inertial, JointKind, Link, SubmechanismKind};
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::model::{Compiled, Model};
 use crate::scalar::Dd;
@@ -249,10 +249,27 @@ impl DescriptionBuilder {
         let terms = self.joints(joints).into_iter().zip(multipliers).collect();
         if let Some(&follower) = self.joints([follower]).first() {
             let joint = &mut self.description.joints[follower];
-            if joint.coupling.replace(Coupling { terms, offset }).is_some() {
+            let coupling = joint.coupling.get_or_insert_default();
+            coupling.offset = offset;
+            if !core::mem::replace(&mut coupling.terms, terms).is_empty() {
                 let found = format!("joint {} that follows others twice", joint.name);
                 self.fault(Site::Joint(follower), found, "one coupling", "add their masters up");
             }
+        }
+        self
+    }
+
+    /// A joint follows another one by a curve, besides those of [`DescriptionBuilder::couple`]: q =
+    /// … + f(q_of).
+    pub fn couple_by(
+        &mut self,
+        follower: LinkId,
+        of: LinkId,
+        curve: Curve,
+    ) -> &mut DescriptionBuilder {
+        if let [follower, of] = self.joints([follower, of])[..] {
+            let coupling = &mut self.description.joints[follower].coupling;
+            coupling.get_or_insert_default().curves.push((of, curve));
         }
         self
     }

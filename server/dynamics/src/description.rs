@@ -198,13 +198,44 @@ impl Limits {
     }
 }
 
-/// q = Σ multiplier · q_master + offset.
-#[derive(Clone, Debug, PartialEq)]
+/// q = Σ multiplier · q_master + offset + Σ f(q_of).
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Coupling {
     /// (joint index, multiplier) of each master.
     pub terms: Vec<(usize, f64)>,
     /// Constant part.
     pub offset: f64,
+    /// (joint index, f) of each curve.
+    pub curves: Vec<(usize, Curve)>,
+}
+
+/// A smooth function of the coordinate of a joint with one axis, `[m, rad]`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Curve {
+    /// f = Σ c_k (q − about)^k, up to degree 5.
+    Polynomial {
+        /// Where the polynomial is c_0.
+        about: f64,
+        /// c_0 to at most c_5.
+        coefficients: Vec<f64>,
+    },
+    /// The natural spline of degree 5 through at least three points [q, f] with rising q: four
+    /// derivatives are continuous. Before the first point and after the last one it is a parabola.
+    Table(Vec<[f64; 2]>),
+}
+
+impl Curve {
+    /// The curve as a function of q − by.
+    pub(crate) fn moved(&self, by: f64) -> Curve {
+        match self {
+            Curve::Polynomial { about, coefficients } => {
+                Curve::Polynomial { about: about - by, coefficients: coefficients.clone() }
+            }
+            Curve::Table(points) => {
+                Curve::Table(points.iter().map(|[x, y]| [x - by, *y]).collect())
+            }
+        }
+    }
 }
 
 /// A named group of joints with its loops.

@@ -28,8 +28,8 @@
 use sarrus_proto::fnv1a_64;
 
 use crate::description::{
-    Coupling, Cut, Description, Friction, Inertial, Joint, JointKind, Limits, Link, Loop, Motor,
-    Placement, Row, Submechanism, SubmechanismKind, Terms,
+    Coupling, Curve, Cut, Description, Friction, Inertial, Joint, JointKind, Limits, Link, Loop,
+    Motor, Placement, Row, Submechanism, SubmechanismKind, Terms,
 };
 
 /// Version of the canonical bytes, their first byte; another encoding is another version.
@@ -163,12 +163,23 @@ impl CanonicalBytes {
         self.numbers(&[*lower, *upper, *velocity, *effort]);
     }
 
-    fn coupling(&mut self, Coupling { terms, offset }: &Coupling) {
+    fn coupling(&mut self, Coupling { terms, offset, curves }: &Coupling) {
         self.list(terms, |bytes, (joint, multiplier)| {
             bytes.index(*joint);
             bytes.number(*multiplier);
         });
         self.number(*offset);
+        // robots without curves keep their fingerprints
+        for (joint, curve) in curves {
+            self.index(*joint);
+            match curve {
+                Curve::Polynomial { about, coefficients } => {
+                    self.number(*about);
+                    self.numbers(coefficients);
+                }
+                Curve::Table(points) => self.list(points, |bytes, point| bytes.numbers(point)),
+            }
+        }
     }
 
     fn terms(&mut self, terms: &Terms) {

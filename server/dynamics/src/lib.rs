@@ -67,7 +67,9 @@ mod spatial;
 mod workspace;
 
 pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId};
-pub use compile::{SuggestedIndependents, fitting_types, loops_of, suggest_independents};
+pub use compile::{
+    SuggestedIndependents, curve_at, curve_fault, fitting_types, loops_of, suggest_independents,
+};
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
 pub use initial_pose::{

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use sarrus_dynamics::description::{
-    Cut, Description, JointKind, Placement, SubmechanismKind as Kind,
+    Curve, Cut, Description, JointKind, Placement, SubmechanismKind as Kind,
 };
 
 use crate::seed::Seeded;
@@ -178,10 +178,11 @@ pub fn written(of: &Description, seeded: &mut Seeded) -> Files {
             let _ = write!(inner, "<dynamics {dynamics}/>");
         }
         if let Some(coupling) = &joint.coupling {
-            let (k, ratio) = coupling.terms[0];
+            let (k, ratio) = coupling.terms.first().copied().unwrap_or_default();
             let master = &of.joints[k].name;
             let offset = coupling.offset;
-            match (coupling.terms.len(), seeded.below(3)) {
+            let n = coupling.terms.len() + 2 * coupling.curves.len();
+            match (n, seeded.below(3)) {
                 (1, 0) => {
                     let _ = write!(
                         inner,
@@ -206,6 +207,28 @@ pub fn written(of: &Description, seeded: &mut Seeded) -> Files {
                             "<depends_on joint=\"{}\" multiplier=\"{ratio:?}\" \
                              offset=\"{offset:?}\"/>",
                             of.joints[*k].name
+                        );
+                    }
+                    for (n, (of_joint, curve)) in coupling.curves.iter().enumerate() {
+                        let is_first = n == 0 && coupling.terms.is_empty();
+                        let offset = if is_first { offset } else { 0.0 };
+                        let words =
+                            |x: &[f64]| x.iter().map(|x| format!("{x:?} ")).collect::<String>();
+                        let by = match curve {
+                            Curve::Polynomial { about, coefficients } => {
+                                format!(
+                                    "polynomial=\"{}\" about=\"{about:?}\"",
+                                    words(coefficients)
+                                )
+                            }
+                            Curve::Table(points) => {
+                                format!("table=\"{}\"", words(points.as_flattened()))
+                            }
+                        };
+                        let _ = write!(
+                            inside,
+                            "<depends_on joint=\"{}\" {by} offset=\"{offset:?}\"/>",
+                            of.joints[*of_joint].name
                         );
                     }
                     let _ = writeln!(

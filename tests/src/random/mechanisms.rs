@@ -130,7 +130,12 @@ impl Writer {
                     tree[self.seeded.below(k)].clone()
                 };
                 let multiplier = self.seeded.within(0.5, 1.5) * self.seeded.sign();
-                self.mimic(&master, multiplier, offset);
+                // offsets are as random as the choice needs
+                if offset > 0.1 {
+                    self.curve(&name, &master, multiplier, offset);
+                } else {
+                    self.mimic(&master, multiplier, offset);
+                }
                 last = Some(name.clone());
             }
             tree.push(name);

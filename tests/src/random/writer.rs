@@ -265,6 +265,17 @@ impl Writer {
         );
     }
 
+    /// Makes a joint follow another one by a polynomial whose slope has one sign.
+    pub(super) fn curve(&mut self, name: &str, master: &str, multiplier: f64, offset: f64) {
+        let [c, d] = [0.1, 0.02].map(|x| x * multiplier);
+        let _ = writeln!(
+            self.urdf,
+            "<transmission name=\"{name}_curve\"><joint name=\"{name}\"><depends_on \
+             joint=\"{master}\" polynomial=\"{offset:?} {multiplier:?} {c:?} {d:?}\"/></joint>\
+             </transmission>"
+        );
+    }
+
     /// Adds a submechanism to the YAML file.
     pub(super) fn submechanism(&mut self, what: &str, entry: Entry<'_>) {
         let list = |names: &[String]| names.join(", ");

@@ -31,6 +31,7 @@ MODELS = {
         {"pull": {"a": 0.5, "c": -2.0}},
     ),
     "tied": ("a d crank arm", [], {}),
+    "knee": ("hip knee", [], {}),
 }
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 AMPLITUDES = [0.0, 0.05, 0.12]
@@ -111,10 +112,10 @@ class Model:
                         return d.ten_length[t] - m.tendon_length0[t], row
                 x, row = side(first)
                 y, other = side(second) if second >= 0 else (0.0, 0 * row)
-                assert not data[2:5].any()
-                residual.append(x - data[0] - data[1] * y)
-                K.append(row - data[1] * other)
-                bias.append(0.0)
+                poly = np.polynomial.Polynomial(data[:5])
+                residual.append(x - poly(y))
+                K.append(row - poly.deriv()(y) * other)
+                bias.append(-poly.deriv(2)(y) * (other @ v) ** 2)
         return np.array(residual), np.array(K).reshape(-1, m.nv), np.array(bias)
 
     def free_columns(self):
@@ -156,6 +157,10 @@ class Model:
         mujoco.mj_forward(m, d)
         residual, _, _ = self.rows()
         assert not residual.size or abs(residual).max() < 1e-14, residual
+        # couplings of joints have the rows that MuJoCo makes of them
+        _, K, _ = self.rows()
+        for e in range(m.neq) if (m.eq_type == mujoco.mjtEq.mjEQ_JOINT).all() else []:
+            assert np.allclose(d.efc_J.reshape(-1, m.nv)[e], K[e], rtol=0, atol=1e-14)
 
 
 def unit(q):

@@ -1,7 +1,7 @@
 //! The builder against descriptions and numbers that are known.
 
 use super::*;
-use crate::description::{Cut, Limits, Placement};
+use crate::description::{Coupling, Cut, Limits, Placement};
 use crate::scalar::Real;
 use crate::{Field, FieldSet, Plan, Query, Request, Status, Workspace};
 
@@ -84,7 +84,7 @@ fn what_is_not_said_has_its_usual_value() {
     assert_eq!((part.name.as_str(), part.type_name.as_str()), ("robot", "TRANSMISSION"));
     assert_eq!(part.spanning_tree, [0, 1, 2, 4]);
     assert_eq!((part.independent.as_slice(), part.active.as_slice()), (&[0, 1, 2][..], &[2][..]));
-    let coupling = Coupling { terms: vec![(2, 0.02)], offset: 0.1 };
+    let coupling = Coupling { terms: vec![(2, 0.02)], offset: 0.1, ..Coupling::default() };
     assert_eq!(of.joints[4].coupling, Some(coupling));
 }
 

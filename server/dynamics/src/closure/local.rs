@@ -110,7 +110,7 @@ impl<T: Real> Scratch<T> {
     pub(crate) fn at(cluster: &Cluster<T>, bodies: &[Body<T>], q: &[T]) -> Scratch<T> {
         let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
         local_poses(cluster, bodies, q, &mut vec![(T::ONE, T::ZERO); cluster.n], &mut scratch.pose);
-        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        constraint_jacobian(cluster, &scratch.pose, q, &mut scratch.K);
         scratch
     }
 

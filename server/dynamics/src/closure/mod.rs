@@ -62,7 +62,7 @@ use crate::scalar::Real;
 pub(crate) enum Closure<T> {
     /// One free joint.
     Serial,
-    /// Linear couplings, and parallelograms.
+    /// Couplings, and parallelograms.
     Coupling(Coupling<T>),
     /// Lambda.
     Rrpr(Rrpr<T>),
@@ -191,7 +191,7 @@ impl<T> Closure<T> {
     pub(crate) fn is_linear(&self) -> bool {
         match self {
             Closure::Serial => true,
-            Closure::Coupling(coupling) => coupling.polish.is_none(),
+            Closure::Coupling(coupling) => coupling.polish.is_none() && coupling.curves.is_empty(),
             _ => false,
         }
     }

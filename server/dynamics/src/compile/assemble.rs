@@ -9,6 +9,7 @@ use sarrus_proto::{ModelInfo, Sizes};
 use crate::closure::Closure;
 use crate::compile::canonical;
 use crate::compile::couplings::{characteristic_length, couplings, units};
+use crate::compile::curves::curve_fault;
 use crate::compile::geometry::{norm, onto_z, unit, vector};
 use crate::compile::owners::owners;
 use crate::compile::spanning_tree::{Partition, Skeleton};
@@ -134,7 +135,13 @@ fn ties(
     }
     for &j in &skeleton.moving {
         if let Some(coupling) = &description.joints[j].coupling {
-            let joints = coupling.terms.iter().map(|(master, _)| *master).chain([j]);
+            errors.extend(coupling.curves.iter().filter_map(|(_, curve)| {
+                let found = format!("the curve that {} follows", description.joints[j].name);
+                let fault = curve_fault(curve)?;
+                Some(Diagnostic::new(Site::Joint(j), found, fault, "correct its numbers"))
+            }));
+            let linear = coupling.terms.iter().map(|(master, _)| *master);
+            let joints = linear.chain(coupling.curves.iter().map(|(of, _)| *of)).chain([j]);
             ties.push(joints.map(|j| skeleton.moving_of[j]).collect());
         }
     }
@@ -302,9 +309,7 @@ impl<'a> Builder<'a> {
                 LOW * actuators.fold(f64::INFINITY, f64::min) / independents.fold(0.0, f64::max);
             self.model.closed_clusters.push(c);
             if let Some(coupling) = coupling {
-                for &j in &cluster.dependent {
-                    self.model.zero[cluster.q + cluster.dofs[j].q] = coupling.b[j];
-                }
+                coupling.at_zero(cluster, &mut self.model.zero[cluster.coordinates()]);
                 cluster.used = (0..cluster.rows.len()).collect();
                 self.model.closures[c] = Closure::Coupling(coupling);
             }

@@ -153,8 +153,8 @@ impl Form<'_> {
         let size = unknowns.len();
         let unknowns: Vec<Dof> = unknowns.into_iter().map(|v| cluster.dofs[v]).collect();
         let series = series(cluster, &unknowns, &cuts, &bodies);
-        let is_coupling = |cut: &BlockCut| !cluster.cuts[cut.cut].rows[0].terms.is_empty();
-        let couples = cuts.iter().all(is_coupling);
+        let is_linear = |cut: &BlockCut| cluster.cuts[cut.cut].rows[0].is_linear();
+        let couples = cuts.iter().all(is_linear);
         let remember = cuts.iter().any(|cut| !one_sided(cut));
         let offset = self.offset;
         self.offset += size * size;

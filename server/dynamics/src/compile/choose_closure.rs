@@ -9,7 +9,7 @@ use crate::compile::assemble::{Assembly, Labels};
 use crate::compile::closed_forms::{self, Form};
 use crate::description::{Description, Submechanism, SubmechanismKind};
 use crate::diagnostic::{Diagnostic, Site};
-use crate::mechanism::{Body, Cluster};
+use crate::mechanism::{Body, Cluster, CutRow};
 use crate::scalar::{Dd, Real};
 
 /// Misfit up to which a closed form is exact: the rounding of numbers in a file.
@@ -39,7 +39,7 @@ impl Candidate<'_> {
         warnings: &mut Vec<Diagnostic>,
     ) -> Option<Closure<Dd>> {
         let mut rows = self.cluster.cuts.iter().flat_map(|cut| &cut.rows);
-        if rows.all(|row| !row.terms.is_empty()) {
+        if rows.all(CutRow::is_linear) {
             errors.push(self.contradicting_couplings());
             return None;
         }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::{Coupling, local_poses};
-use crate::mechanism::{Body, Cluster, Cut, Dof};
+use crate::mechanism::{Body, Cluster, Curve, Cut, CutRow, Dof};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::Pose;
 
@@ -64,29 +64,33 @@ pub(super) fn poses_at(cluster: &Cluster<Dd>, bodies: &[Body<Dd>], q: &[Dd]) -> 
     pose
 }
 
-/// Σ coefficient · q + offset = 0 over local joints.
+/// Σ coefficient · q − Σ f(q) + offset = 0 over local joints.
 pub(super) struct Relation {
     pub(super) terms: Vec<(usize, Dd)>,
+    pub(super) curves: Vec<Curve<Dd>>,
     pub(super) offset: Dd,
+}
+
+impl Relation {
+    /// That of a row of a coupling.
+    pub(super) fn of(row: &CutRow<Dd>) -> Relation {
+        Relation { terms: row.terms.clone(), curves: row.curves.clone(), offset: row.offset }
+    }
 }
 
 /// Largest remainder of repeated relations, relative to their coefficients: numbers in files are
 /// rounded.
 const ROUNDING: f64 = 1e-12;
 
-/// M and b of a cluster whose every row is a coupling; `None` for others and where the couplings do
-/// not determine the dependents.
+/// The closure of a cluster whose every row is a coupling; `None` for others and where the couplings
+/// do not give the dependents one after the other.
 pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
     if cluster.n_q != cluster.n {
         return None;
     }
     let rows = cluster.cuts.iter().flat_map(|cut| &cut.rows);
-    let relations: Option<Vec<Relation>> = rows
-        .map(|row| {
-            (!row.terms.is_empty())
-                .then(|| Relation { terms: row.terms.clone(), offset: row.offset })
-        })
-        .collect();
+    let relations: Option<Vec<Relation>> =
+        rows.map(|row| (!row.terms.is_empty()).then(|| Relation::of(row))).collect();
     solve(cluster, &relations?)
 }
 
@@ -97,18 +101,9 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
     let m = cluster.n_vy;
     let d = cluster.dependent.len();
     let rows = relations.len();
-    let width = d + m + 1;
-    // [dependents | independents, offset], zero in all
-    let mut A = vec![Dd::ZERO; rows * width];
-    for (r, relation) in relations.iter().enumerate() {
-        for (j, c) in &relation.terms {
-            let dependent = cluster.dependent.iter().position(|x| x == j);
-            let column =
-                dependent.or(cluster.independent.iter().position(|x| x == j).map(|k| d + k))?;
-            A[r * width + column] += *c;
-        }
-        A[r * width + width - 1] = relation.offset;
-    }
+    let curves: Vec<_> = relations.iter().flat_map(|relation| &relation.curves).collect();
+    let width = d + m + curves.len() + 1;
+    let mut A = coefficients(cluster, relations, width)?;
     let [unit, more] = equilibrate(cluster, relations, &mut A, width);
     let (mut free, mut row_of): (Vec<usize>, Vec<usize>) =
         ((0..rows).collect(), vec![usize::MAX; d]);
@@ -143,7 +138,9 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
     if !free.iter().all(repeats) {
         return None;
     }
-    let mut coupling = Coupling { M: vec![Dd::ZERO; n * m], b: vec![Dd::ZERO; n], polish: None };
+    let [M, b] = [n * m, n].map(|n| vec![Dd::ZERO; n]);
+    let mut curves: Vec<_> = curves.into_iter().map(|of| (of.clone(), b.clone())).collect();
+    let mut coupling = Coupling { M, b, curves: Vec::new(), polish: None };
     for (k, &j) in cluster.independent.iter().enumerate() {
         coupling.M[j * m + k] = Dd::ONE;
     }
@@ -152,9 +149,37 @@ pub(super) fn solve(cluster: &Cluster<Dd>, relations: &[Relation]) -> Option<Cou
         for k in 0..m {
             coupling.M[j * m + k] = -row[k] * unit[a];
         }
-        coupling.b[j] = -row[m] * unit[a];
+        for (k, (_, shares)) in curves.iter_mut().enumerate() {
+            shares[j] = -row[m + k] * unit[a];
+        }
+        coupling.b[j] = -row[width - d - 1] * unit[a];
+    }
+    // a curve whose joint needs none of those that are left comes next
+    while !curves.is_empty() {
+        let needs = |v: usize| curves.iter().any(|(_, shares)| shares[v] != Dd::ZERO);
+        let next = curves.iter().position(|(curve, _)| !needs(curve.of.v))?;
+        coupling.curves.push(curves.remove(next));
     }
     Some(coupling)
+}
+
+/// The coefficients of some relations, row by row: [dependents | independents, values of curves,
+/// offset], zero in all; `None` where they hold another joint.
+fn coefficients(cluster: &Cluster<Dd>, relations: &[Relation], width: usize) -> Option<Vec<Dd>> {
+    let place = |of: &[usize], j: &usize| of.iter().position(|x| x == j);
+    let d = cluster.dependent.len();
+    let mut next = d + cluster.n_vy;
+    let mut A = vec![Dd::ZERO; relations.len() * width];
+    for (row, relation) in A.chunks_exact_mut(width).zip(relations) {
+        for (j, c) in &relation.terms {
+            let independent = || place(&cluster.independent, j).map(|k| d + k);
+            row[place(&cluster.dependent, j).or_else(independent)?] += *c;
+        }
+        row[next..next + relation.curves.len()].fill(-Dd::ONE);
+        next += relation.curves.len();
+        row[width - 1] = relation.offset;
+    }
+    Some(A)
 }
 
 /// Scales the columns of the dependents by their units and the rows to one; returns the units, and

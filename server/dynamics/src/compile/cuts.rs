@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 
 use crate::compile::assemble::Builder;
+use crate::compile::curves::pieces;
 use crate::compile::geometry::{norm, pose, unit, vector};
 use crate::compile::rank::RANK_GAP;
 use crate::description::{self as written, Coupling, Loop, Row};
-use crate::mechanism::{Cut, CutRow, Motion, Screw};
+use crate::mechanism::{Cluster, Curve, Cut, CutRow, Motion, Screw};
 use crate::scalar::{Dd, Real, Triple};
 use crate::spatial::{Matrix, Pose, zero};
 
@@ -35,7 +36,7 @@ impl Builder<'_> {
                 let joint = &self.description.joints[j];
                 let Some(coupling) = &joint.coupling else { continue };
                 let c = self.model.cluster_of[self.body_of[self.skeleton.moving_of[j]]];
-                let cut = self.coupling(j, coupling, self.model.clusters[c].v);
+                let cut = self.coupling(j, coupling, &self.model.clusters[c]);
                 self.push_cut(c, cut, [format!("{}/coupling", joint.name)]);
                 owner.resize(self.meta.loops.len(), s);
             }
@@ -55,14 +56,20 @@ impl Builder<'_> {
         cluster.cuts.push(cut);
     }
 
-    /// A coupling of a joint as a cut of one row; `first_v` is the cluster's first velocity.
-    fn coupling(&self, joint: usize, coupling: &Coupling, first_v: usize) -> Cut<Dd> {
-        let local = |j: usize| self.body(j).v - first_v;
+    /// A coupling of a joint as a cut of one row.
+    fn coupling(&self, joint: usize, coupling: &Coupling, cluster: &Cluster<Dd>) -> Cut<Dd> {
+        let local = |j: usize| self.body(j).v - cluster.v;
         let mut terms = vec![(local(joint), Dd::ONE)];
         for (master, multiplier) in &coupling.terms {
             terms.push((local(*master), -Dd::from_f64(*multiplier)));
         }
-        let path = terms.iter().map(|(v, _)| (*v, true)).collect();
+        let curve = |(of, curve): &(usize, written::Curve)| Curve {
+            of: cluster.dofs[local(*of)],
+            pieces: pieces(curve).into_iter().map(|piece| piece.map(Dd::from_f64)).collect(),
+        };
+        let curves: Vec<Curve<Dd>> = coupling.curves.iter().map(curve).collect();
+        let own = terms.iter().map(|(v, _)| *v).chain(curves.iter().map(|curve| curve.of.v));
+        let path = own.map(|v| (v, true)).collect();
         let row = CutRow {
             angular: zero(),
             linear: zero(),
@@ -70,6 +77,7 @@ impl Builder<'_> {
             against: None,
             screw: None,
             terms,
+            curves,
             offset: -Dd::from_f64(coupling.offset),
             size: Dd::ONE,
             leans: Vec::new(),
@@ -208,6 +216,7 @@ fn unit_row(row: &Row, x_p_cut: &Pose<Dd>) -> CutRow<Dd> {
         against: row.against.map(|b| vector(b).map(|x| x / of_turn)),
         screw: None,
         terms: Vec::new(),
+        curves: Vec::new(),
         offset: Dd::ZERO,
         size: own * of_turn,
         leans: Vec::new(),

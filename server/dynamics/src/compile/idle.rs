@@ -35,7 +35,7 @@ impl Drift<'_> {
     pub(super) fn is_idle(&self, has_child_cluster: &[bool]) -> bool {
         let cluster = self.cluster;
         let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);
-        let coupled = cluster.cuts.iter().flat_map(|cut| &cut.rows).flat_map(|row| &row.terms);
+        let coupled = cluster.cuts.iter().filter(|cut| cut.is_coupling()).flat_map(|cut| &cut.path);
         if !cluster.active.iter().all(|(_, v)| still(*v))
             || !coupled.into_iter().all(|(v, _)| still(*v))
         {

@@ -9,6 +9,7 @@ mod choose_closure;
 mod closed_forms;
 mod clusters;
 mod couplings;
+mod curves;
 mod cuts;
 mod elimination;
 mod geometry;
@@ -39,6 +40,7 @@ use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
 pub use canonical::{fitting_types, loops_of};
+pub use curves::{curve_at, curve_fault};
 pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};

@@ -33,7 +33,13 @@ fn everything() -> Description {
     let inertial =
         Inertial { origin: placement(3.0), mass: 1.5, inertia: [1.0, 0.01, 0.02, 1.1, 0.03, 1.2] };
     let limits = Limits { lower: -1.0, upper: 2.0, velocity: 3.0, effort: f64::INFINITY };
-    let coupling = Coupling { terms: vec![(0, 2.0), (1, -0.5)], offset: 0.25 };
+    let line = Curve::Polynomial { about: 0.125, coefficients: vec![0.5, -0.25] };
+    let table = Curve::Table(vec![[0.0, 1.0], [1.0, 3.0], [2.0, 4.0]]);
+    let coupling = Coupling {
+        terms: vec![(0, 2.0), (1, -0.5)],
+        offset: 0.25,
+        curves: vec![(0, line), (1, table)],
+    };
     let row = |name: &str, against| Row {
         name: name.into(),
         axis: [1.0, 0.0, 0.0, 0.0, 2.0, 3.0],
@@ -130,11 +136,23 @@ impl<'a> Leaves<'a> {
             if let Some(Limits { lower, upper, velocity, effort }) = limits {
                 leaves.numbers.extend([lower, upper, velocity, effort]);
             }
-            if let Some(Coupling { terms, offset }) = coupling {
+            if let Some(Coupling { terms, offset, curves }) = coupling {
                 leaves.numbers.push(offset);
                 for (joint, multiplier) in terms {
                     leaves.indices.push(joint);
                     leaves.numbers.push(multiplier);
+                }
+                for (joint, curve) in curves {
+                    leaves.indices.push(joint);
+                    match curve {
+                        Curve::Polynomial { about, coefficients } => {
+                            leaves.numbers.push(about);
+                            leaves.numbers.extend(coefficients);
+                        }
+                        Curve::Table(points) => {
+                            leaves.numbers.extend(points.as_flattened_mut().iter_mut());
+                        }
+                    }
                 }
             }
             let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, friction } = terms;

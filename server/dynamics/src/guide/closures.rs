@@ -246,7 +246,14 @@
 //! ```text
 //!   q_j = Σ c q_master + b    solved for    q = M y + b,    G = M,    g = 0
 //! ```
-//! A motor may sit on any of them: u̇ = G_u ẏ takes its row of M.
+//! A motor may sit on any of them: u̇ = G_u ẏ takes its row of M. Curves f over one joint each, by
+//! polynomials or tables, add their values. Where each of them finds its joint among y and the
+//! joints before it, the rows are solved for them too, with the share S of each in every joint:
+//!
+//! ```text
+//!   q = M y + b + Σ S f(q_i)     G = M + Σ S f' G_i     g = Σ S (f' g_i + f'' q̇_i²)
+//! ```
+//! Otherwise, and within loops, each curve is an implicit row with K_i = −f' and k = f'' q̇_i².
 //!
 //! # DIFFERENTIAL
 //!

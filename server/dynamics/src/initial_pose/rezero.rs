@@ -42,6 +42,7 @@ pub fn rezeroed(description: &Description, q: &[f64]) -> Option<Description> {
             let masters: f64 =
                 coupling.terms.iter().map(|(master, multiplier)| multiplier * moved[*master]).sum();
             coupling.offset += masters - moved[j];
+            coupling.curves.iter_mut().for_each(|(of, f)| *f = f.moved(moved[*of]));
         }
     }
     // cuts in frames of the old zero pose stay where they were on both links

@@ -1,8 +1,9 @@
 //! Cut joints: the places where loops are opened, and the rows that close them.
 
-use crate::scalar::constants;
 use nalgebra::Vector3;
 
+use crate::mechanism::{Curve, Dof};
+use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
 /// A cut joint: two frames on two bodies of the cluster and the rows that tie them.
@@ -37,7 +38,7 @@ impl<T> Cut<T> {
     }
 }
 
-/// One row of a cut, of unit length, or a linear coupling when `terms` is not empty.
+/// One row of a cut, of unit length, or a coupling when `terms` is not empty.
 #[derive(Clone, Debug)]
 pub(crate) struct CutRow<T> {
     pub(crate) angular: Vector3<T>,
@@ -48,8 +49,9 @@ pub(crate) struct CutRow<T> {
     pub(crate) against: Option<Vector3<T>>,
     /// Where it ties a slide to a turn: the count of the turns.
     pub(crate) screw: Option<Screw<T>>,
-    /// φ = Σ coefficient · q + offset over local joints.
+    /// φ = Σ coefficient · q − Σ f(q) + offset over local joints.
     pub(crate) terms: Vec<(usize, T)>,
+    pub(crate) curves: Vec<Curve<T>>,
     pub(crate) offset: T,
     /// Length of the declared row, whose K and k are these times `size`, and λ this over it.
     pub(crate) size: T,
@@ -61,9 +63,35 @@ pub(crate) struct CutRow<T> {
 constants! { CutRow:
     number offset size;
     map angular linear linear_p;
-    each against screw;
+    each against screw curves;
     other terms: |f, (j, c)| (*j, f(*c));
     other leans: |f, (back, x)| (*back, f(*x));
+}
+
+impl<T> CutRow<T> {
+    /// True for a linear coupling.
+    pub(crate) fn is_linear(&self) -> bool {
+        !self.terms.is_empty() && self.curves.is_empty()
+    }
+}
+
+impl<T: Real> CutRow<T> {
+    /// The entry of K of a coupling.
+    #[inline(always)]
+    pub(crate) fn slope(&self, of: &Dof, q: &[T]) -> T {
+        let own = self.terms.iter().find(|(v, _)| *v == of.v).map_or(T::ZERO, |(_, c)| *c);
+        let curves = self.curves.iter().filter(|curve| curve.of.v == of.v);
+        curves.fold(own, |sum, curve| sum - curve.at(q[of.q])[1])
+    }
+
+    /// −φ̈ of a coupling at q̈ = 0.
+    #[inline(always)]
+    pub(crate) fn bend(&self, q: &[T], qd: &[T]) -> T {
+        self.curves.iter().fold(T::ZERO, |sum, curve| {
+            let rate = qd[curve.of.v];
+            curve.at(q[curve.of.q])[2].mul_add(rate * rate, sum)
+        })
+    }
 }
 
 /// The line of a screw {predecessor's cut frame}, and the local joints along it with their sense:

@@ -3,6 +3,7 @@
 
 mod body;
 mod cluster;
+mod curve;
 mod cut;
 mod joint;
 mod motor;
@@ -12,6 +13,7 @@ mod winding;
 
 pub(crate) use body::{Body, Frame};
 pub(crate) use cluster::{Cluster, GBlock};
+pub(crate) use curve::{Curve, values};
 pub(crate) use cut::{Cut, CutRow, Screw};
 pub(crate) use joint::{Dof, Motion, joint_pose, single_pose};
 pub(crate) use motor::Motor;

@@ -138,7 +138,7 @@ impl Plan {
             let m = cluster.n_vy;
             let square = &mut d.products[0][..m * m];
             let mut curve = |tau: &[T], to: &mut [T]| {
-                d.second.curvature(cluster, G, &tau[at.clone()], square);
+                d.second.curvature(cluster, (pose.0, G), &tau[at.clone()], square);
                 for (j, k) in cluster.independents().enumerate() {
                     to[k * d.widest..][..m].copy_from_slice(&square[j * m..(j + 1) * m]);
                 }

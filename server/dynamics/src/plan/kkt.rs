@@ -136,7 +136,8 @@ fn bias<T: Real>(model: &Model<T>, cluster: &Cluster<T>, ws: &mut Workspace<T>) 
     let qd = &ws.qd[cluster.velocities()];
     let scratch = &mut ws.scratch;
     local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
-    constraint_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+    let q = &ws.q[cluster.coordinates()];
+    constraint_bias(cluster, &scratch.pose, (q, qd, &scratch.rate), &mut scratch.phi);
 }
 
 /// How far the state in q and q̇ is from closed.

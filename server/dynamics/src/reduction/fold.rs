@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use sarrus_proto::ClosureKind;
 
-use crate::compile::Structure;
+use crate::compile::{Structure, curve_at};
 use crate::description::{
-    Coupling, Description, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
+    Coupling, Curve, Description, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
 };
 use crate::diagnostic::{CompileError, Diagnostic, Site};
 use crate::initial_pose::{has_moved, moved, placed};
@@ -150,18 +150,22 @@ fn couplings(
         let (fixed, left): (Vec<(usize, f64)>, Vec<(usize, f64)>) =
             coupling.terms.iter().copied().partition(|(j, _)| held.at.contains_key(j));
         let constant: f64 = fixed.iter().map(|(j, x)| x * held.at[j]).sum();
-        let offset = coupling.offset + constant;
+        let (still, curves): (Vec<_>, Vec<_>) =
+            coupling.curves.iter().cloned().partition(|(j, _)| held.at.contains_key(j));
+        let value = |(j, f): &(usize, Curve)| curve_at(f, held.at[j])[0];
+        let offset = coupling.offset + constant + still.iter().map(value).sum::<f64>();
         let Some(position) = held.at.get(&f) else {
-            next.joints[f].coupling = Some(Coupling { terms: left, offset });
+            next.joints[f].coupling = Some(Coupling { terms: left, offset, curves });
             continue;
         };
         next.joints[f].coupling = None;
-        if left.is_empty() {
+        if left.is_empty() && curves.is_empty() {
             continue;
         }
         // q_f = Σ m q + offset, for one of the others
         let own = |j: &usize| description.joints[*j].coupling.is_some() || handed.contains_key(j);
-        let Some(&(to, m)) = left.iter().find(|(j, m)| *m != 0.0 && !is_free(j) && !own(j)) else {
+        let mut others = left.iter().filter(|_| curves.is_empty());
+        let Some(&(to, m)) = others.find(|(j, m)| *m != 0.0 && !is_free(j) && !own(j)) else {
             let error = Diagnostic::new(
                 Site::Joint(f),
                 format!("a lock of {}, whose coupling no other joint can have", joint.name),
@@ -171,7 +175,7 @@ fn couplings(
             return Err(CompileError::of(vec![error]));
         };
         let terms = left.iter().filter(|of| of.0 != to).map(|(j, x)| (*j, -x / m)).collect();
-        handed.insert(to, Coupling { terms, offset: (position - offset) / m });
+        handed.insert(to, Coupling { terms, offset: (position - offset) / m, curves });
     }
     for (j, coupling) in handed {
         next.joints[j].coupling = Some(coupling);

@@ -68,6 +68,7 @@ pub fn restricted(description: &Description, links: &[usize]) -> Result<Reduced,
         let coupling = joint.coupling.as_ref().map(|of| Coupling {
             terms: of.terms.iter().map(|(j, x)| (new_joint[*j], *x)).collect(),
             offset: of.offset,
+            curves: of.curves.iter().map(|(j, f)| (new_joint[*j], f.clone())).collect(),
         });
         let parent = new_link[joint.parent];
         let child = new_link[joint.child];

@@ -220,7 +220,8 @@ impl<T: Real> Workspace<T> {
     /// Poses and K of a cluster at q, into the scratch of closures.
     pub(crate) fn constraint_jacobian(&mut self, cluster: &Cluster<T>, bodies: &[Body<T>]) {
         self.local_poses(cluster, bodies);
-        closure::constraint_jacobian(cluster, &self.scratch.pose, &mut self.scratch.K);
+        let q = &self.q[cluster.coordinates()];
+        closure::constraint_jacobian(cluster, &self.scratch.pose, q, &mut self.scratch.K);
     }
 
     /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.

@@ -4,7 +4,7 @@
 mod whole;
 
 use sarrus_dynamics::description::{
-    Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
+    Curve, Description, Inertial, JointKind, Placement, SubmechanismKind as Kind,
 };
 use sarrus_dynamics::{CutJoint, DescriptionBuilder, LinkId};
 
@@ -44,6 +44,8 @@ pub struct Features {
     pub files: bool,
     /// Rows that lean against each other.
     pub oblique: bool,
+    /// Joints that follow others by curves.
+    pub curves: bool,
     /// Sums over the links and frames in every view are asked for too.
     pub sums: bool,
     /// Simulated, with springs between links and inputs, instead of asked.
@@ -412,7 +414,15 @@ impl Pen {
                         terms.push((other, self.seeded.within(-2.0, 2.0)));
                     }
                 }
-                self.robot.couple(link, terms, offset);
+                if self.with.curves && self.seeded.chance(0.7) {
+                    let through_zero = offset == 0.0;
+                    let curve = self.curve(through_zero);
+                    self.robot.couple_by(link, master, curve);
+                    terms.retain(|(other, _)| *other != master);
+                }
+                if !terms.is_empty() {
+                    self.robot.couple(link, terms, offset);
+                }
             } else {
                 free.push(link);
                 self.reach.push((link.index(), 2.0));
@@ -431,6 +441,29 @@ impl Pen {
             self.robot.active(order[..n].iter().map(|k| all[*k]));
         }
         self.ends.push(link);
+    }
+
+    /// A polynomial or a table; `through_zero`: f(0) = 0.
+    fn curve(&mut self, through_zero: bool) -> Curve {
+        let s = &mut self.seeded;
+        if s.chance(0.5) {
+            let n = 2 + s.below(5);
+            let mut coefficients: Vec<f64> = (0..n).map(|_| s.within(-0.7, 0.7)).collect();
+            let about = if through_zero { 0.0 } else { s.within(-0.5, 0.5) };
+            if through_zero {
+                coefficients[0] = 0.0;
+            }
+            return Curve::Polynomial { about, coefficients };
+        }
+        let n = 1 + s.below(4);
+        let point = |k: i32, s: &mut Seeded| {
+            [0.4 * f64::from(k) + s.within(-0.1, 0.1), s.within(-0.5, 0.5)]
+        };
+        let mut points: Vec<[f64; 2]> = (-(n as i32)..=n as i32).map(|k| point(k, s)).collect();
+        if through_zero {
+            points[n] = [0.0; 2];
+        }
+        Curve::Table(points)
     }
 
     fn ratio(&mut self) -> f64 {

@@ -1,8 +1,8 @@
 //! A drawn robot gets its sizes, springs, limits and base as a whole.
 
 use sarrus_dynamics::description::{
-    Coupling, Cut, Description, Inertial, Joint, JointKind, Limits, Link, Placement, Submechanism,
-    SubmechanismKind as Kind, Terms,
+    Coupling, Curve, Cut, Description, Inertial, Joint, JointKind, Limits, Link, Placement,
+    Submechanism, SubmechanismKind as Kind, Terms,
 };
 
 use super::Z;
@@ -24,6 +24,19 @@ pub(super) fn resize(of: &mut Description, lengths: f64, masses: f64) {
         if let Some(coupling) = &mut joint.coupling {
             coupling.offset *= unit(j);
             coupling.terms.iter_mut().for_each(|(k, ratio)| *ratio *= unit(j) / unit(*k));
+            for (of, curve) in &mut coupling.curves {
+                let from = unit(*of);
+                match curve {
+                    Curve::Polynomial { about, coefficients } => {
+                        *about *= from;
+                        let scale = (0..).map(|k| unit(j) / from.powi(k));
+                        coefficients.iter_mut().zip(scale).for_each(|(c, scale)| *c *= scale);
+                    }
+                    Curve::Table(points) => {
+                        points.iter_mut().for_each(|[x, y]| (*x, *y) = (from * *x, unit(j) * *y));
+                    }
+                }
+            }
         }
     }
     for cut in of.submechanisms.iter_mut().flat_map(|part| &mut part.loops) {

@@ -28,6 +28,7 @@ impl Judge<'_> {
                 joint.coupling.as_ref().is_some_and(|coupling| {
                     joint.name == *name
                         || coupling.terms.iter().any(|(k, _)| self.of.joints[*k].name == *name)
+                        || coupling.curves.iter().any(|(k, _)| self.of.joints[*k].name == *name)
                 })
             })
         };

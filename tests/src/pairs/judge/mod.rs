@@ -77,6 +77,14 @@ pub const PAIRS: &[(&str, Features)] = &[
         "oblique x numerical x actuators",
         Features { oblique: true, numerical: true, actuators: true, balls: true, ..NONE },
     ),
+    (
+        "curves x loops x files x locks",
+        Features { curves: true, mimic: true, files: true, locks: true, springs: true, ..NONE },
+    ),
+    (
+        "curves x sums x sizes",
+        Features { curves: true, mimic: true, sums: true, sizes: true, ..NONE },
+    ),
 ];
 
 const NONE: Features = Features {
@@ -94,6 +102,7 @@ const NONE: Features = Features {
     balls: false,
     files: false,
     oblique: false,
+    curves: false,
     sums: false,
     simulated: false,
 };

@@ -368,7 +368,7 @@ impl Judge<'_> {
         if !self.is_reduced && K.len() == oracle.n_rows() * n_v && (with.redundant || with.oblique)
         {
             let given = Oracle::new(self.rows_of, &self.independent, &[], length);
-            let exact_K = given.jacobian(&poses);
+            let exact_K = given.jacobian(&exact, &poses);
             // cuts come before couplings of their part; only robots without couplings are compared
             if of.joints.iter().all(|joint| joint.coupling.is_none()) {
                 for r in 0..oracle.n_rows() {

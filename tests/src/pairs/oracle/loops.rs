@@ -39,13 +39,25 @@ impl Oracle<'_> {
         let mut all = [vec![], vec![], vec![]];
         for row in &self.rows {
             let values = match row {
-                Row::Coupling(j, masters, offset) => {
+                Row::Coupling(j, masters, offset, bends) => {
                     let sum = |of: &[T], at: &[usize]| {
                         masters.iter().fold(of[at[*j]], |sum, (master, ratio)| {
                             sum - T::from_f64(*ratio) * of[at[*master]]
                         })
                     };
-                    [sum(q, &self.q) - T::from_f64(*offset), sum(qd, &self.v), sum(qdd, &self.v)]
+                    let [mut phi, mut rate, mut second] = [
+                        sum(q, &self.q) - T::from_f64(*offset),
+                        sum(qd, &self.v),
+                        sum(qdd, &self.v),
+                    ];
+                    for (of, bend) in bends {
+                        let [f, f1, f2] = bend.at(q[self.q[*of]]);
+                        let [d, e] = [qd[self.v[*of]], qdd[self.v[*of]]];
+                        phi -= f;
+                        rate -= f1 * d;
+                        second -= f1 * e + f2 * d * d;
+                    }
+                    [phi, rate, second]
                 }
                 Row::Cut { cut, axis, against, line } => {
                     let (p, s, on_p, on_s) = &self.cuts[*cut];
@@ -104,14 +116,17 @@ impl Oracle<'_> {
     }
 
     /// K (n_rows × n_v).
-    pub fn jacobian<T: Real>(&self, poses: &[Pose<T>]) -> Matrix<T> {
+    pub fn jacobian<T: Real>(&self, q: &[T], poses: &[Pose<T>]) -> Matrix<T> {
         let mut K = Matrix::new(self.rows.len(), self.n_v);
         for (r, row) in self.rows.iter().enumerate() {
             let (cut, axis, against) = match row {
-                Row::Coupling(j, masters, _) => {
+                Row::Coupling(j, masters, _, bends) => {
                     *K.at(r, self.v[*j]) = T::ONE;
                     for (master, ratio) in masters {
                         *K.at(r, self.v[*master]) += -T::from_f64(*ratio);
+                    }
+                    for (of, bend) in bends {
+                        *K.at(r, self.v[*of]) -= bend.at(q[self.q[*of]])[1];
                     }
                     continue;
                 }

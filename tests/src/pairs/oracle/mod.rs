@@ -2,6 +2,7 @@
 //! recursion over clusters. Every link moves by the formulas of relative motion in root axes, loops
 //! are rows over all joints, and dependents follow from them by elimination with full pivoting.
 
+mod curves;
 mod geometry;
 mod loops;
 mod motion;
@@ -11,6 +12,7 @@ use sarrus_dynamics::description::{self as written, Description, JointKind};
 use sarrus_dynamics::scalar::{Dd, Real};
 
 use super::algebra::{M3, V3, dot, scaled};
+use curves::Bend;
 use geometry::{counts, line_of, placement, vector};
 
 /// A robot as equations.
@@ -43,8 +45,8 @@ pub struct Oracle<'a> {
 enum Row {
     /// `axis`, `against` and the frames of a cut.
     Cut { cut: usize, axis: [f64; 6], against: Option<[f64; 3]>, line: Option<[f64; 3]> },
-    /// Joint, masters, offset.
-    Coupling(usize, Vec<(usize, f64)>, f64),
+    /// Joint, masters, offset, curves.
+    Coupling(usize, Vec<(usize, f64)>, f64, Vec<(usize, Bend)>),
 }
 
 /// A pose: rotation and origin.
@@ -128,7 +130,8 @@ impl<'a> Oracle<'a> {
             .collect();
         rows.extend(of.joints.iter().enumerate().filter_map(|(j, joint)| {
             let coupling = joint.coupling.as_ref()?;
-            Some(Row::Coupling(j, coupling.terms.clone(), coupling.offset))
+            let bends = coupling.curves.iter().map(|(of, curve)| (*of, Bend::new(curve)));
+            Some(Row::Coupling(j, coupling.terms.clone(), coupling.offset, bends.collect()))
         }));
         let held = held.to_vec();
         let independent = independent.to_vec();

@@ -44,7 +44,7 @@ impl Oracle<'_> {
     /// Unit of a row: its largest part, in lengths of the loop where it is linear.
     fn row_unit(&self, row: &Row) -> f64 {
         match row {
-            Row::Coupling(j, masters, _) => masters
+            Row::Coupling(j, masters, ..) => masters
                 .iter()
                 .map(|(k, ratio)| ratio.abs() * self.unit(self.v[*k]))
                 .fold(self.unit(self.v[*j]), f64::max),
@@ -126,7 +126,7 @@ impl Oracle<'_> {
             let phi = self.rows(q, &poses, &still, &still)[0].clone();
             let mut b = Matrix::new(self.rows.len(), 1);
             phi.iter().enumerate().for_each(|(r, x)| *b.at(r, 0) = -*x);
-            let (x, pivot) = self.solve(&self.jacobian(&poses), &b);
+            let (x, pivot) = self.solve(&self.jacobian(q, &poses), &b);
             let by: Vec<T> = (0..self.n_v).map(|v| x.get(v, 0)).collect();
             let size = by
                 .iter()
@@ -156,7 +156,7 @@ impl Oracle<'_> {
         let n = of.len();
         let still = vec![T::ZERO; self.n_v];
         let poses = self.poses(q);
-        let K = self.jacobian(&poses);
+        let K = self.jacobian(q, &poses);
         let mut b = Matrix::new(self.rows.len(), n);
         for r in 0..self.rows.len() {
             for (c, v) in of.iter().enumerate() {
@@ -250,7 +250,7 @@ impl Oracle<'_> {
                 by[self.v[j]] = to[self.q[j]] - from[self.q[j]];
             }
         }
-        let K = self.jacobian(&self.poses(from));
+        let K = self.jacobian(from, &self.poses(from));
         let mut b = Matrix::new(self.rows.len(), 1);
         for r in 0..self.rows.len() {
             *b.at(r, 0) = -(0..self.n_v).fold(0.0, |sum, v| sum + K.get(r, v) * by[v]);

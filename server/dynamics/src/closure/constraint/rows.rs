@@ -135,10 +135,11 @@ impl<'a, T: Real> CutState<'a, T> {
     #[inline]
     pub(in crate::closure) fn value(&self, cluster: &Cluster<T>, row: &CutRow<T>, q: &[T]) -> T {
         if !row.terms.is_empty() {
-            return row
+            let linear = row
                 .terms
                 .iter()
                 .fold(row.offset, |sum, (j, c)| (*c).mul_add(q[cluster.dofs[*j].q], sum));
+            return row.curves.iter().fold(linear, |sum, curve| sum - curve.at(q[curve.of.q])[0]);
         }
         let x = self.R_p.apply_transposed(self.d);
         match (&self.angular, &row.against) {
@@ -309,19 +310,29 @@ pub(crate) fn largest_residual<T: Real>(cluster: &Cluster<T>, phi: &[T]) -> T {
 }
 
 /// ∂φ/∂q of a cluster (rows × n_v, row-major).
-pub(crate) fn constraint_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>], K: &mut [T]) {
-    jacobian(cluster, pose, CutState::new, K);
+pub(crate) fn constraint_jacobian<T: Real>(
+    cluster: &Cluster<T>,
+    pose: &[Pose<T>],
+    q: &[T],
+    K: &mut [T],
+) {
+    jacobian(cluster, (pose, q), CutState::new, K);
 }
 
 /// K of a cluster, of which λ are the forces.
-pub(crate) fn force_jacobian<T: Real>(cluster: &Cluster<T>, pose: &[Pose<T>], K: &mut [T]) {
-    jacobian(cluster, pose, CutState::of_forces, K);
+pub(crate) fn force_jacobian<T: Real>(
+    cluster: &Cluster<T>,
+    pose: &[Pose<T>],
+    q: &[T],
+    K: &mut [T],
+) {
+    jacobian(cluster, (pose, q), CutState::of_forces, K);
 }
 
 #[inline(always)]
 fn jacobian<'a, T: Real>(
     cluster: &Cluster<T>,
-    pose: &'a [Pose<T>],
+    (pose, q): (&'a [Pose<T>], &[T]),
     state: impl Fn(&Cut<T>, &'a [Pose<T>]) -> CutState<'a, T>,
     K: &mut [T],
 ) {
@@ -334,6 +345,9 @@ fn jacobian<'a, T: Real>(
             of_row.fill(T::ZERO);
             for (j, c) in &row.terms {
                 of_row[*j] = *c;
+            }
+            for curve in &row.curves {
+                of_row[curve.of.v] -= curve.at(q[curve.of.q])[1];
             }
             if row.terms.is_empty() {
                 let (linear, angular) = state.directions(row);
@@ -348,31 +362,31 @@ fn jacobian<'a, T: Real>(
     }
 }
 
-/// The bias that belongs to [`constraint_jacobian`], from the rates of the bodies at q̈ = 0.
+/// The bias that belongs to [`constraint_jacobian`], from q, q̇ and the rates of the bodies at q̈ = 0.
 pub(crate) fn constraint_bias<T: Real>(
     cluster: &Cluster<T>,
     pose: &[Pose<T>],
-    rate: &[Rate<T>],
+    rates: (&[T], &[T], &[Rate<T>]),
     k: &mut [T],
 ) {
-    bias(cluster, pose, rate, CutState::new, k);
+    bias(cluster, pose, rates, CutState::new, k);
 }
 
 /// k = −K̇ q̇, which belongs to [`force_jacobian`].
 pub(crate) fn force_bias<T: Real>(
     cluster: &Cluster<T>,
     pose: &[Pose<T>],
-    rate: &[Rate<T>],
+    rates: (&[T], &[T], &[Rate<T>]),
     k: &mut [T],
 ) {
-    bias(cluster, pose, rate, CutState::of_forces, k);
+    bias(cluster, pose, rates, CutState::of_forces, k);
 }
 
 #[inline(always)]
 fn bias<'a, T: Real>(
     cluster: &Cluster<T>,
     pose: &'a [Pose<T>],
-    rate: &[Rate<T>],
+    (q, qd, rate): (&[T], &[T], &[Rate<T>]),
     state: impl Fn(&Cut<T>, &'a [Pose<T>]) -> CutState<'a, T>,
     k: &mut [T],
 ) {
@@ -381,7 +395,7 @@ fn bias<'a, T: Real>(
         let state = state(cut, pose);
         let second = state.acceleration(cut, pose, rate, false);
         for row in &cut.rows {
-            k[r] = -row_acceleration(cut, row, &state, &second, rate);
+            k[r] = row.bend(q, qd) - row_acceleration(cut, row, &state, &second, rate);
             r += 1;
         }
     }

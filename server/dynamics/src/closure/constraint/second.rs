@@ -98,7 +98,7 @@ impl<T: Real> Second<T> {
             }
             self.motion[j + 1] = [V, A];
         }
-        self.rows(cluster);
+        self.rows(cluster, q, qd, qdd);
 
         let n_v = cluster.n_v;
         let m = cluster.dependent.len();
@@ -111,7 +111,7 @@ impl<T: Real> Second<T> {
     }
 
     /// K, K̇ and K̈.
-    fn rows(&mut self, cluster: &Cluster<T>) {
+    fn rows(&mut self, cluster: &Cluster<T>, q: &[T], qd: &[T], qdd: &[T]) {
         let n_v = cluster.n_v;
         let [K, K_dot, K_ddot] = &mut self.K;
         K[..cluster.used.len() * n_v].fill(T::ZERO);
@@ -131,6 +131,13 @@ impl<T: Real> Second<T> {
                     cut.path.iter().for_each(|(j, _)| {
                         (K_dot[i * n_v + j], K_ddot[i * n_v + j]) = (T::ZERO, T::ZERO)
                     });
+                    for curve in &row.curves {
+                        let [at, v] = [i * n_v + curve.of.v, curve.of.v];
+                        let [_, f1, f2, f3] = curve.at(q[curve.of.q]);
+                        K[at] -= f1;
+                        K_dot[at] -= f2 * qd[v];
+                        K_ddot[at] -= f3.mul_add(qd[v] * qd[v], f2 * qdd[v]);
+                    }
                     continue;
                 }
                 let [w, wd, wdd] = wrench(cut, row, &state, p, s);
@@ -249,7 +256,13 @@ impl<T: Real> Second<T> {
     }
 
     /// W (n_vy × n_vy) of forces on the tree velocities, after [`Second::at`].
-    pub(crate) fn curvature(&mut self, cluster: &Cluster<T>, G: &[T], tau: &[T], W: &mut [T]) {
+    pub(crate) fn curvature(
+        &mut self,
+        cluster: &Cluster<T>,
+        (q, G): (&[T], &[T]),
+        tau: &[T],
+        W: &mut [T],
+    ) {
         let m = cluster.n_vy;
         let rows = cluster.used.len();
         W.fill(T::ZERO);
@@ -264,7 +277,7 @@ impl<T: Real> Second<T> {
         self.load[..cluster.n_v].fill(Spatial::zero());
         let mut first = 0;
         for cut in &cluster.cuts {
-            let whole = self.of_cut(cut, &cluster.used, first, m, W);
+            let whole = self.of_cut(cut, (&cluster.used, first), (q, G), m, W);
             first += cut.rows.len();
             for &(j, on_successor) in &cut.path {
                 let sign = if on_successor { T::ONE } else { -T::ONE };
@@ -289,8 +302,8 @@ impl<T: Real> Second<T> {
     fn of_cut(
         &self,
         cut: &Cut<T>,
-        used: &[usize],
-        first: usize,
+        (used, first): (&[usize], usize),
+        (q, G): (&[T], &[T]),
         m: usize,
         W: &mut [T],
     ) -> Spatial<T> {
@@ -307,6 +320,13 @@ impl<T: Real> Second<T> {
             let Some(i) = used.iter().position(|used| *used == r) else { continue };
             let lambda = self.lambda[i];
             if !row.terms.is_empty() {
+                for curve in &row.curves {
+                    let G = &G[curve.of.v * m..][..m];
+                    let second = lambda * curve.at(q[curve.of.q])[2];
+                    for (k, w) in W[..m * m].iter_mut().enumerate() {
+                        *w = second.mul_add(G[k / m] * G[k % m], *w);
+                    }
+                }
                 continue;
             }
             if is_bent(cut, row) {

@@ -24,7 +24,7 @@ impl Block {
         let scratch = &mut *local.scratch;
         let g = &mut *local.g;
         for rows in &self.cuts {
-            let at = RowsAt::new(rows, &cuts[rows.cut], &scratch.pose);
+            let at = RowsAt::new(rows, &cuts[rows.cut], &scratch.pose, local.q);
             let ball = rows.kind == RowKind::Ball;
             let second = at.state.acceleration(at.cut, at.pose, &scratch.rate, ball);
             for (k, &(r, i)) in rows.rows.iter().enumerate() {
@@ -33,7 +33,8 @@ impl Block {
                     -second.0[k]
                 } else {
                     let rate = &scratch.rate;
-                    -rows.in_lengths(k, row_acceleration(at.cut, row, &at.state, &second, rate))
+                    let acceleration = row_acceleration(at.cut, row, &at.state, &second, rate);
+                    rows.in_lengths(k, row.bend(local.q, local.qd) - acceleration)
                 };
             }
             if !rows.earlier.is_empty() {

@@ -231,7 +231,7 @@ impl Block {
             A.fill(T::ZERO);
         }
         for rows in &self.cuts {
-            let at = RowsAt::new(rows, &cluster.cuts[rows.cut], &scratch.pose);
+            let at = RowsAt::new(rows, &cluster.cuts[rows.cut], &scratch.pose, local.q);
             let directions = at.directions();
             for (k, &(r, i)) in rows.rows.iter().enumerate() {
                 let value = match rows.kind {
@@ -265,13 +265,19 @@ pub(super) struct RowsAt<'a, T: Real> {
     pub(super) rows: &'a BlockCut,
     pub(super) cut: &'a Cut<T>,
     pub(super) pose: &'a [Pose<T>],
+    q: &'a [T],
     pub(super) state: CutState<'a, T>,
 }
 
 impl<'a, T: Real> RowsAt<'a, T> {
     #[inline(always)]
-    pub(super) fn new(rows: &'a BlockCut, cut: &'a Cut<T>, pose: &'a [Pose<T>]) -> RowsAt<'a, T> {
-        RowsAt { rows, cut, pose, state: CutState::new(cut, pose) }
+    pub(super) fn new(
+        rows: &'a BlockCut,
+        cut: &'a Cut<T>,
+        pose: &'a [Pose<T>],
+        q: &'a [T],
+    ) -> RowsAt<'a, T> {
+        RowsAt { rows, cut, pose, q, state: CutState::new(cut, pose) }
     }
 
     /// Directions of the rows, in their order here.
@@ -313,12 +319,12 @@ impl<'a, T: Real> RowsAt<'a, T> {
             RowKind::Any => {}
         }
         for (k, &(r, i)) in self.rows.rows.iter().enumerate() {
-            let terms = &self.cut.rows[r].terms;
-            let entry = if terms.is_empty() {
+            let row = &self.cut.rows[r];
+            let entry = if row.terms.is_empty() {
                 let entry = directions.linear[k].dot(v);
                 if self.cut.angular { entry + directions.angular[k].dot(w) } else { entry }
             } else {
-                terms.iter().find(|(v, _)| *v == dof.v).map_or(T::ZERO, |(_, c)| *c)
+                row.slope(dof, self.q)
             };
             each(i, self.rows.in_lengths(k, entry));
         }

@@ -239,7 +239,7 @@ fn search<T: Real>(
         if !scratch.spend(work as u64) {
             return None;
         }
-        constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+        constraint_jacobian(cluster, &scratch.pose, local.q, &mut scratch.K);
         squared_residual(cluster, scratch, local.q);
         let J = &mut scratch.inverse;
         scaled(cluster, &scratch.K, 0..rows, &cluster.dependent, |r, a, x| J[r * m + a] = x);
@@ -300,7 +300,7 @@ fn squared_residual<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: 
 /// True where K_d is near a loss of rank at the pose that the search found, whose poses are fresh.
 fn nearly_singular<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
     let scratch = &mut *local.scratch;
-    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, local.q, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
     least / largest < T::from_f64(DOUBTFUL * above_rounding::<T>(FOUND, 16.0).sqrt())
 }
@@ -314,7 +314,7 @@ pub(in crate::closure) fn singular_status<T: Real>(
 ) -> Status {
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
-    constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+    constraint_jacobian(cluster, &scratch.pose, local.q, &mut scratch.K);
     if loses_rank(cluster, scratch) {
         Status::SingularClosure
     } else {

@@ -77,7 +77,7 @@ impl Block {
         A[..m * m].fill(T::ZERO);
         B[..m * n_vy].fill(T::ZERO);
         for rows in &self.cuts {
-            let at = RowsAt::new(rows, &cluster.cuts[rows.cut], &scratch.pose);
+            let at = RowsAt::new(rows, &cluster.cuts[rows.cut], &scratch.pose, local.q);
             let directions = at.directions();
             for (dof, side, column) in &rows.solve {
                 at.column(&directions, dof, *side, |i, x| A[i * m + column] = x);

@@ -17,8 +17,10 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
     let mut relations = Vec::new();
     let mut deviations = Vec::new();
     for cut in &cluster.cuts {
-        if let Some(row) = cut.rows.iter().find(|row| !row.terms.is_empty()) {
-            relations.push(Relation { terms: row.terms.clone(), offset: row.offset });
+        if let [row] = &cut.rows[..]
+            && cut.is_coupling()
+        {
+            relations.push(Relation::of(row));
             continue;
         }
         let mut ring = ring(of, cut);
@@ -48,7 +50,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         for k in [0, 1] {
             let terms =
                 [k, k + 1].into_iter().filter_map(|k| Some((ring[k].joint?, sense[k]))).collect();
-            relations.push(Relation { terms, offset: Dd::from(0.0) });
+            relations.push(Relation { terms, curves: Vec::new(), offset: Dd::from(0.0) });
         }
     }
     let coupling =

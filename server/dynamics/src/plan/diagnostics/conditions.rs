@@ -58,9 +58,10 @@ impl Plan {
             constraint_residual(cluster, &scratch.pose, q, &mut scratch.phi);
             let of_cluster = largest_residual(cluster, &scratch.phi);
             residual = T::select_lt(residual, of_cluster, of_cluster, residual);
-            force_jacobian(cluster, &scratch.pose, &mut scratch.K);
+            force_jacobian(cluster, &scratch.pose, q, &mut scratch.K);
             self.write_rows(model, cluster, ws, output);
             let scratch = &mut ws.scratch;
+            let q = &ws.q[cluster.coordinates()];
             if let Some(range) = slot(Field::Lambda) {
                 let rest = &ws.loop_q[cluster.velocities()];
                 loop_forces(cluster, rest, scratch, &mut output[range])?;
@@ -70,7 +71,7 @@ impl Plan {
             }
             // the rest is about φ
             if cluster.cuts.iter().any(|cut| cut.angular) {
-                constraint_jacobian(cluster, &scratch.pose, &mut scratch.K);
+                constraint_jacobian(cluster, &scratch.pose, q, &mut scratch.K);
             }
             if self.wants_any(&[Field::CondKd, Field::SigmaMin]) {
                 unscaled.add(K_d(cluster, scratch));
@@ -121,7 +122,8 @@ impl Plan {
             let bodies = model.bodies_of(cluster);
             let qd = &ws.qd[cluster.velocities()];
             local_rates(cluster, bodies, qd, &scratch.pose, &mut scratch.rate);
-            force_bias(cluster, &scratch.pose, &scratch.rate, &mut scratch.phi);
+            let rates = (&ws.q[cluster.coordinates()], qd, &scratch.rate[..]);
+            force_bias(cluster, &scratch.pose, rates, &mut scratch.phi);
             let k = &mut output[slot.range()];
             for (r, (row, of)) in rows(cluster).enumerate() {
                 k[row] = declared(of, r, |r| scratch.phi[r]);

@@ -55,7 +55,8 @@ impl Plan {
             last_closed(model, c, ws);
         }
         residual(cluster, bodies, ws);
-        constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
+        let q = &ws.q[cluster.coordinates()];
+        constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
         if self.wants(Field::SigmaMin) {
             report.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
         }
@@ -113,7 +114,8 @@ impl Plan {
             let cluster = &model.clusters[c];
             let bodies = model.bodies_of(cluster);
             residual(cluster, bodies, ws);
-            constraint_jacobian(cluster, &ws.scratch.pose, &mut ws.scratch.K);
+            let q = &ws.q[cluster.coordinates()];
+            constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
             let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
             // NaN counts as greater than any number
             least = if sigma_min < least || !least.is_finite() { sigma_min } else { least };
