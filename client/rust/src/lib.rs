@@ -38,7 +38,7 @@ pub use kernels::{AnsweredBy, KernelError, Kernels};
 pub use life::{Life, ProcessState};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};
-pub use query::{IntoField, QueryBuilder, UnknownName};
+pub use query::{QueryBuilder, UnknownName};
 pub use robot::Robot;
 pub use sarrus_dynamics::description;
 pub use sarrus_dynamics::{
