@@ -61,11 +61,11 @@ def bits(found):
 
 
 def statuses():
-    parts = {name: body for _, name, body in WIRE.findall(read(PROTO / "status.rs"))}
-    own = {name: body for _, name, body in WIRE.findall(read(OWN / "status.rs"))}
-    variants = VARIANT.findall(parts["Status"] + own["OwnStatus"])
-    (doc,) = STATUS.findall(read(OWN / "status.rs"))
-    return enum(doc, "StatusCode", variants, "i32")
+    """The statuses of answers and those of calls, as one enum."""
+    text = read(PROTO / "status.rs") + read(OWN / "status.rs")
+    variants = {name: VARIANT.findall(body) for _, name, body in WIRE.findall(text)}
+    (doc,) = STATUS.findall(text)
+    return enum(doc, "StatusCode", variants["Status"] + variants["OwnStatus"], "i32")
 
 
 def parts():
