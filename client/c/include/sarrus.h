@@ -53,9 +53,9 @@
 #define SARRUS_MAX_ACTUATORS 64
 
 /**
- * How a call ended; 0 is success. From 0 to 99 it is the status of an answer, by the numbers of the
- * wire; from 100 on there was no answer, and sarrus_last_error has the reason. The numbers never
- * change.
+ * How a call ended, 0 for success. From 0 to 99 it is the status of an answer, by the numbers of
+ * the wire; from 100 on there was no answer, and sarrus_last_error has the reason. The numbers
+ * never change.
  */
 enum sarrus_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
