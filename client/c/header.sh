@@ -4,7 +4,10 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 header=${1:-include/sarrus.h}
-"${SARRUS_CBINDGEN:-cbindgen}" --quiet --config cbindgen.toml --output "$header" .
+sources=$(mktemp)
+trap 'rm -f "$sources"' EXIT
+./sources.py >"$sources"
+"${SARRUS_CBINDGEN:-cbindgen}" --quiet --config cbindgen.toml --output "$header" "$sources"
 # the payloads' comments address readers of Rust: units, links and letters as elsewhere in a header
 sed -i -E 's/`(\[[^]`]*\])`/\1/; s/\[`MechanismState`\]/sarrus_mechanism_state/
     s/\[`Reason`\]/sarrus_reason/; s/\[`flag`\]/sarrus_flag/

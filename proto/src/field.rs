@@ -171,6 +171,12 @@ impl Field {
     }
 }
 
+impl AsRef<str> for Field {
+    fn as_ref(&self) -> &str {
+        self.name()
+    }
+}
+
 /// A set of fields, as the bits of their numbers: fields have numbers up to 127. As text it is two
 /// words, the lower first.
 ///

@@ -62,7 +62,7 @@ pub use query::{Axes, Query, QueryError, QueryOptions, Tolerance};
 pub use query::{MAX_CONTACTS, MAX_DIRECTIONS, MAX_FRAMES, MAX_JOINT_RUNS, MAX_WRENCHES};
 pub use request::{OF_ACTUATOR_FORCES, Request, TaskParts};
 pub use rows::Rows;
-pub use status::{Status, Warnings};
+pub use status::{Status, Warning, Warnings};
 
 #[cfg(feature = "transport")]
 pub use domain::{Domain, DomainError, DomainNode, MAX_NAME, ServerName};

@@ -15,11 +15,11 @@ wire_enum! {
         BadRequest = 1, "bad_request";
         /// An input number is NaN or infinite, or so large that the answer overflows.
         NonFiniteInput = 2, "non_finite_input";
-        /// The number of input or output numbers does not fit the plan.
+        /// An array does not have the size that the plan or the robot needs.
         WrongSize = 3, "wrong_size";
         /// The request was made for a model with another fingerprint.
         WrongModel = 4, "wrong_model";
-        /// The request or plan number is not known.
+        /// The request or plan number is not known to the server.
         UnknownRequest = 5, "unknown_request";
         /// Newton's method ran out of steps although the target seems reachable.
         NotConverged = 6, "not_converged";
@@ -72,7 +72,27 @@ impl Status {
     }
 }
 
-/// Bits that accompany an answer and never change its numbers.
+wire_enum! {
+    /// Bits that accompany an answer and never change its numbers.
+    Warning: u32 {
+        /// A position, velocity or actuator force lies outside the limits that the model declares.
+        LimitsExceeded = 1, "limits_exceeded";
+        /// Some field of the answer may keep fewer than nine digits: near a singular pose, where
+        /// actuators nearly lose control, or where an inertia nearly cancels. Without it all keep
+        /// nine.
+        IllConditioned = 2, "ill_conditioned";
+        /// A redundant row, which the solution omits, is open by more than the query's tolerance:
+        /// the loops do not close here.
+        LoopOpen = 4, "loop_open";
+        /// The given q or qd does not fit its loops: the answer's state is farther from it than the
+        /// query's tolerance (the field `projection`).
+        InputProjected = 8, "input_projected";
+        /// An actuator that a wanted field depends on has no limit, and the field is NaN.
+        NoLimit = 16, "no_limit";
+    }
+}
+
+/// A set of [`Warning`]s, as their bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(transparent)]
 pub struct Warnings(pub u32);
@@ -80,35 +100,30 @@ pub struct Warnings(pub u32);
 impl Warnings {
     /// No warning.
     pub const NONE: Warnings = Warnings(0);
-    /// A position, velocity or actuator force lies outside the limits that the model declares.
-    pub const LIMITS_EXCEEDED: Warnings = Warnings(1);
-    /// Some field of the answer may keep fewer than nine digits: near a singular pose, where
-    /// actuators nearly lose control, or where an inertia nearly cancels. Without it all keep nine.
-    pub const ILL_CONDITIONED: Warnings = Warnings(2);
-    /// A redundant row, which the solution omits, is open by more than the query's tolerance: the
-    /// loops do not close here.
-    pub const LOOP_OPEN: Warnings = Warnings(4);
-    /// The given q or q̇ does not fit its loops: the answer's state is farther from it than the
-    /// query's tolerance ([`crate::Field::Projection`]).
-    pub const INPUT_PROJECTED: Warnings = Warnings(8);
-    /// An actuator that a wanted field depends on has no limit, and the field is NaN.
-    pub const NO_LIMIT: Warnings = Warnings(16);
+    /// [`Warning::LimitsExceeded`].
+    pub const LIMITS_EXCEEDED: Warnings = Warnings(Warning::LimitsExceeded as u32);
+    /// [`Warning::IllConditioned`].
+    pub const ILL_CONDITIONED: Warnings = Warnings(Warning::IllConditioned as u32);
+    /// [`Warning::LoopOpen`].
+    pub const LOOP_OPEN: Warnings = Warnings(Warning::LoopOpen as u32);
+    /// [`Warning::InputProjected`].
+    pub const INPUT_PROJECTED: Warnings = Warnings(Warning::InputProjected as u32);
+    /// [`Warning::NoLimit`].
+    pub const NO_LIMIT: Warnings = Warnings(Warning::NoLimit as u32);
 
     /// True when every bit of `other` is set.
     pub const fn contains(self, other: Warnings) -> bool {
         self.0 & other.0 == other.0
     }
 
+    /// Those that are set, in the order of the bits.
+    pub fn iter(self) -> impl Iterator<Item = Warning> {
+        Warning::ALL.iter().copied().filter(move |one| self.0 & *one as u32 != 0)
+    }
+
     /// The names in scripts, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        let names = [
-            (Self::LIMITS_EXCEEDED, "limits_exceeded"),
-            (Self::ILL_CONDITIONED, "ill_conditioned"),
-            (Self::LOOP_OPEN, "loop_open"),
-            (Self::INPUT_PROJECTED, "input_projected"),
-            (Self::NO_LIMIT, "no_limit"),
-        ];
-        names.into_iter().filter(move |(bit, _)| self.contains(*bit)).map(|(_, name)| name)
+        self.iter().map(Warning::name)
     }
 }
 

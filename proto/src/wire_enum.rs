@@ -6,6 +6,8 @@
 /// It has `ALL` in the order of the numbers, `name()`, which is also its `Display`, `from_code()`,
 /// which is `None` for a number that this version does not know, and `name_of()`, which is
 /// `unknown` there: an unknown number never takes the meaning of a known one.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! wire_enum {
     (
         $(#[$of_enum:meta])*
@@ -26,6 +28,11 @@ macro_rules! wire_enum {
             /// The name that people and scripts see.
             pub const fn name(self) -> &'static str {
                 match self { $($enum::$variant => $name,)* }
+            }
+
+            /// The name with a zero behind it, as C reads it; it lives for ever.
+            pub const fn c_name(self) -> *const core::ffi::c_char {
+                match self { $($enum::$variant => concat!($name, "\0").as_ptr().cast(),)* }
             }
 
             /// The one of a number on the wire; `None` for a number that this version does not

@@ -1,8 +1,8 @@
 /*
  * sarrus: kinematics and dynamics of robots with closed loops, from C99 on and from C++.
  *
- * Written by client/c/header.sh from client/c/src and, where the bridge comes in,
- * proto/src/actuators.rs, whose comments these are: change them there, not here.
+ * Written by client/c/header.sh from client/c/src and, for numbers and payloads that travel, from
+ * proto/src, whose comments these are: change them there, not here.
  *
  * Units are SI and radians. y are the independent coordinates, u the actuators, q the spanning
  * tree; d and dd behind them are their rates. Sizes are in brackets, by the names of sarrus_sizes.
@@ -53,8 +53,9 @@
 #define SARRUS_MAX_ACTUATORS 64
 
 /**
- * How a call ended. From 0 to 99 it is the status of an answer, by the numbers of the wire; from
- * 100 on there was no answer, and sarrus_last_error has the reason. The numbers never change.
+ * How a call ended, 0 for success. From 0 to 99 it is the status of an answer, by the numbers of
+ * the wire; from 100 on there was no answer, and sarrus_last_error has the reason. The numbers
+ * never change.
  */
 enum sarrus_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -62,15 +63,16 @@ enum sarrus_status
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * The answer is complete, or the call succeeded.
+     * The answer is complete.
      */
     SARRUS_STATUS_OK = 0,
     /**
-     * The request is malformed, such as a quaternion that is not of unit length.
+     * The request itself is malformed: a field missing, two that exclude each other, a
+     * quaternion not of unit length.
      */
     SARRUS_STATUS_BAD_REQUEST = 1,
     /**
-     * An input number is NaN or infinite, or so large that the answer would be.
+     * An input number is NaN or infinite, or so large that the answer overflows.
      */
     SARRUS_STATUS_NON_FINITE_INPUT = 2,
     /**
@@ -90,7 +92,8 @@ enum sarrus_status
      */
     SARRUS_STATUS_NOT_CONVERGED = 6,
     /**
-     * The straight path from the guess to the target crosses onto another assembly branch.
+     * The straight path from the guess to the target crosses a singularity onto another
+     * branch.
      */
     SARRUS_STATUS_BRANCH_CHANGED = 7,
     /**
@@ -102,11 +105,12 @@ enum sarrus_status
      */
     SARRUS_STATUS_SINGULAR_CLOSURE = 9,
     /**
-     * The independent coordinates do not determine the motion at the answer.
+     * The declared independent coordinates do not determine the motion at the answer.
      */
     SARRUS_STATUS_SINGULAR_INDEPENDENTS = 10,
     /**
-     * The actuators do not determine the motion at the answer.
+     * The actuators do not determine the motion (or a force cannot be mapped to them) at the
+     * answer.
      */
     SARRUS_STATUS_SINGULAR_ACTUATION = 11,
     /**
@@ -123,27 +127,31 @@ enum sarrus_status
     SARRUS_STATUS_SHUTTING_DOWN = 14,
     /**
      * The checksum of the request or of the answer fails: its bytes changed after it was sent.
+     * Set by the server for a request, by the client for an answer, where the query asks for
+     * checksums.
      */
     SARRUS_STATUS_CORRUPT_ANSWER = 15,
     /**
-     * The server answered with a status that this version does not know.
+     * This client does not know the status: the server has another version. The numbers are
+     * NaN.
      */
     SARRUS_STATUS_UNKNOWN_STATUS = 16,
     /**
-     * The connection belongs to the process that made it, from which this one was forked.
+     * The connection was made by another process, from which this one was forked. The numbers
+     * are NaN, and the server was not asked.
      */
     SARRUS_STATUS_OTHER_PROCESS = 17,
     /**
-     * The deadline of the request passed before its answer was there.
+     * The deadline of the request passed before its answer was there. The numbers are NaN.
      */
     SARRUS_STATUS_LATE = 18,
     /**
-     * No pose was found that meets all tasks; the numbers are those of the nearest one that breaks
-     * no bound.
+     * No pose was found that meets all tasks; the numbers are those of the nearest one that
+     * breaks no bound.
      */
     SARRUS_STATUS_NOT_REACHED = 19,
     /**
-     * No pose was found that breaks no bound; binding has those that contradict.
+     * No pose was found that breaks no bound; `binding` names the bounds that contradict.
      */
     SARRUS_STATUS_INFEASIBLE = 20,
     /**
@@ -236,7 +244,7 @@ typedef int32_t sarrus_status;
 #endif // __cplusplus
 
 /**
- * Bits beside an answer; they never change its numbers.
+ * Bits that accompany an answer and never change its numbers.
  */
 enum sarrus_warning
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -244,19 +252,23 @@ enum sarrus_warning
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * A position, velocity or actuator force lies outside the limits of the model.
+     * A position, velocity or actuator force lies outside the limits that the model declares.
      */
     SARRUS_WARNING_LIMITS_EXCEEDED = 1,
     /**
-     * Some field of the answer may keep fewer than nine digits.
+     * Some field of the answer may keep fewer than nine digits: near a singular pose, where
+     * actuators nearly lose control, or where an inertia nearly cancels. Without it all keep
+     * nine.
      */
     SARRUS_WARNING_ILL_CONDITIONED = 2,
     /**
-     * The loops do not close here: a redundant row is open by more than the tolerance.
+     * A redundant row, which the solution omits, is open by more than the query's tolerance:
+     * the loops do not close here.
      */
     SARRUS_WARNING_LOOP_OPEN = 4,
     /**
-     * The given q or qd does not fit its loops by more than the tolerance.
+     * The given q or qd does not fit its loops: the answer's state is farther from it than the
+     * query's tolerance (the field `projection`).
      */
     SARRUS_WARNING_INPUT_PROJECTED = 8,
     /**
@@ -496,7 +508,7 @@ typedef uint32_t sarrus_task_part;
 #endif // __cplusplus
 
 /**
- * Additions to the requests and answers of a query, as bits.
+ * Additions to the heads of a query's requests and answers, and how long it may take, as bits.
  */
 enum sarrus_query_option
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -508,12 +520,12 @@ enum sarrus_query_option
      */
     SARRUS_QUERY_OPTION_CHECKSUM = 1,
     /**
-     * Answers have the age of their request and the time taken: sarrus_robot_times.
+     * Requests have a stamp; answers have the request's age and the time taken.
      */
     SARRUS_QUERY_OPTION_TIMES = 2,
     /**
-     * Loops are followed, and nearest_y is sought, as long as it takes; without it the work of a
-     * request is bounded.
+     * Closures are continued and the nearest independents sought as long as it takes; without it
+     * the work of a request is bounded.
      */
     SARRUS_QUERY_OPTION_SEARCH = 4,
     /**
@@ -542,7 +554,7 @@ enum sarrus_mechanism_state
      */
     SARRUS_MECHANISM_STATE_DISABLED = 0,
     /**
-     * It was asked to arm, and waits for a missing condition or for its motors.
+     * It is requested to arm, and waits for a missing condition or for its motors.
      */
     SARRUS_MECHANISM_STATE_ARMING = 1,
     /**
@@ -592,7 +604,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_STALLED = 3,
     /**
-     * No command came since it was asked to arm.
+     * No command came since the request to arm.
      */
     SARRUS_REASON_NO_COMMAND = 4,
     /**
@@ -604,11 +616,11 @@ enum sarrus_reason
      */
     SARRUS_REASON_WATCHDOG_OFF = 6,
     /**
-     * A motor's watchdog was not read, and is not believed to be on.
+     * A motor's watchdog was not read, so it counts as off.
      */
     SARRUS_REASON_WATCHDOG_UNKNOWN = 7,
     /**
-     * A motor does not measure, or no longer.
+     * A motor does not measure, or has stopped measuring.
      */
     SARRUS_REASON_FEEDBACK_STALE = 8,
     /**
@@ -632,7 +644,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_BUS_OFF = 13,
     /**
-     * Frames of before still wait to be sent.
+     * Earlier frames still wait to be sent.
      */
     SARRUS_REASON_BACKLOG = 14,
     /**
@@ -652,11 +664,11 @@ enum sarrus_reason
      */
     SARRUS_REASON_VELOCITY_LIMIT = 18,
     /**
-     * An actuator stays behind its set-point.
+     * An actuator lags behind its set-point.
      */
     SARRUS_REASON_FOLLOWING_ERROR = 19,
     /**
-     * A motor reports another effort than it was asked for.
+     * A motor reports an effort that differs from the commanded one.
      */
     SARRUS_REASON_EFFORT_MISMATCH = 20,
     /**
@@ -668,11 +680,11 @@ enum sarrus_reason
      */
     SARRUS_REASON_FEEDBACK_JUMP = 22,
     /**
-     * A motor answers requests of long ago.
+     * A motor answers old requests.
      */
     SARRUS_REASON_FEEDBACK_LATE = 23,
     /**
-     * More answers came than a motor was asked for.
+     * A motor sent more answers than requests.
      */
     SARRUS_REASON_SECOND_ANSWER = 24,
     /**
@@ -684,7 +696,7 @@ enum sarrus_reason
      */
     SARRUS_REASON_OVER_TEMPERATURE = 26,
     /**
-     * An actuator is outside its limits, where nothing is armed.
+     * An actuator is outside its limits, where arming is refused.
      */
     SARRUS_REASON_OUTSIDE_LIMITS = 27,
     /**
@@ -733,7 +745,7 @@ typedef uint32_t sarrus_reason;
 #endif // __cplusplus
 
 /**
- * An operation that an operator requests from the bridge.
+ * An operator's request to the bridge.
  */
 enum sarrus_operation
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -741,11 +753,11 @@ enum sarrus_operation
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Give the motors power as soon as everything is in order.
+     * Give the motors power as soon as all conditions hold.
      */
     SARRUS_OPERATION_ARM = 1,
     /**
-     * Take the power away.
+     * Remove power.
      */
     SARRUS_OPERATION_DISARM = 2,
     /**
@@ -753,7 +765,7 @@ enum sarrus_operation
      */
     SARRUS_OPERATION_RESET = 3,
     /**
-     * Move actuators outside their limits slowly back inside, then remove the power.
+     * Move actuators outside their limits back inside, slowly, then remove power.
      */
     SARRUS_OPERATION_RETURN = 4,
     /**
@@ -770,7 +782,7 @@ typedef uint32_t sarrus_operation;
 #endif // __cplusplus
 
 /**
- * State of single actuators, as bits.
+ * Flags of single actuators, as bits.
  */
 enum sarrus_flag
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -780,17 +792,17 @@ enum sarrus_flag
     /**
      * The effort was limited.
      */
-    SARRUS_FLAG_EFFORT_LIMITED = 1,
+    SARRUS_FLAG_EFFORT_LIMITED = (1 << 0),
     /**
      * The position was limited.
      */
     SARRUS_FLAG_POSITION_LIMITED = (1 << 1),
     /**
-     * The velocity was limited, or the position was to change faster than that.
+     * The velocity was limited, or the commanded position changes faster than the limit.
      */
     SARRUS_FLAG_VELOCITY_LIMITED = (1 << 2),
     /**
-     * The effort was to change faster than it may.
+     * The commanded effort changes faster than its limit.
      */
     SARRUS_FLAG_RATE_LIMITED = (1 << 3),
     /**
@@ -826,7 +838,7 @@ enum sarrus_flag
      */
     SARRUS_FLAG_STOPPING = (1 << 11),
     /**
-     * An effort that pushes outwards beyond a position limit was taken away.
+     * An effort that pushes outwards beyond a position limit was removed.
      */
     SARRUS_FLAG_OUTWARD_LIMITED = (1 << 12),
     /**

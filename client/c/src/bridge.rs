@@ -12,7 +12,6 @@ use sarrus_client::actuators::{
 use crate::border::{free, make, put, text};
 use crate::failure::{Failure, guarded};
 use crate::status::StatusCode;
-use crate::text::name_of;
 
 /// The controller of a bridge; a bridge has one at a time. Commands must keep coming: each later
 /// than T1 of the configuration is damped, and later than T2 disabled. One thread uses it at a
@@ -196,11 +195,11 @@ pub extern "C" fn sarrus_now_ns() -> u64 {
 /// Name of a sarrus_mechanism_state; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_mechanism_state_name(state: u32) -> *const c_char {
-    name_of!(MechanismState, state)
+    MechanismState::from_code(state).map_or(null(), MechanismState::c_name)
 }
 
 /// Name of a sarrus_reason; NULL for a number that is none. Lives for ever.
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_reason_name(reason: u32) -> *const c_char {
-    name_of!(Reason, reason)
+    Reason::from_code(reason).map_or(null(), Reason::c_name)
 }

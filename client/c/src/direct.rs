@@ -10,7 +10,7 @@ use crate::border::{arrays, make, put};
 use crate::failure::{Failure, guarded};
 use crate::plan::{Plan, handle};
 use crate::robot::Robot;
-use crate::status::{StatusCode, bits};
+use crate::status::StatusCode;
 
 /// Checks the arrays of a call, each beside its length, and calls the robot's method of this name.
 macro_rules! ask {
@@ -25,7 +25,7 @@ macro_rules! ask {
             // SAFETY: the header states the requirements on the arrays.
             let ([$($given),*], [$($want),*]) = unsafe { arrays(given, want)? };
             let robot = $robot.ok_or(Failure::Null("robot"))?;
-            put($warnings, bits(robot.robot.$method($($given,)* $($want),*)?));
+            put($warnings, robot.robot.$method($($given,)* $($want),*)?.0);
             Ok(())
         })
     };

@@ -5,9 +5,9 @@ use core::ffi::c_char;
 use core::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use sarrus_client::{ConnectError, Error, FailedState, LoadError};
+use sarrus_client::{ConnectError, Error, FailedState, LoadError, Status};
 
-use crate::status::StatusCode;
+use crate::status::{OwnStatus, StatusCode};
 
 /// Longest text of an error, with its zero `[byte]`; longer ones are cut.
 const LONGEST: usize = 8192;
@@ -72,22 +72,22 @@ impl From<FailedState> for Failure {
 
 impl Failure {
     pub(crate) fn status(&self) -> StatusCode {
-        match self {
-            Failure::Null(_) => StatusCode::NullPointer,
-            Failure::Unaligned(_) => StatusCode::UnalignedPointer,
-            Failure::Endless(_) => StatusCode::WrongSize,
-            Failure::Overlap(..) => StatusCode::OverlappingArrays,
-            Failure::Text(..) => StatusCode::BadText,
-            Failure::Number(..) | Failure::Place(..) => StatusCode::UnknownNumber,
-            Failure::NoField(_) => StatusCode::UnknownName,
-            Failure::NoMemory(_) => StatusCode::NoMemory,
-            Failure::Load(_) => StatusCode::LoadFailed,
-            Failure::Ask(error) => StatusCode::of_error(error),
-            Failure::NothingNew => StatusCode::NothingNew,
-            Failure::NotSent => StatusCode::NotSent,
-            Failure::Processor(_) => StatusCode::OldProcessor,
-            Failure::Internal => StatusCode::Internal,
-        }
+        StatusCode(match self {
+            Failure::Null(_) => OwnStatus::NullPointer as i32,
+            Failure::Unaligned(_) => OwnStatus::UnalignedPointer as i32,
+            Failure::Endless(_) => Status::WrongSize as i32,
+            Failure::Overlap(..) => OwnStatus::OverlappingArrays as i32,
+            Failure::Text(..) => OwnStatus::BadText as i32,
+            Failure::Number(..) | Failure::Place(..) => OwnStatus::UnknownNumber as i32,
+            Failure::NoField(_) => OwnStatus::UnknownName as i32,
+            Failure::NoMemory(_) => OwnStatus::NoMemory as i32,
+            Failure::Load(_) => OwnStatus::LoadFailed as i32,
+            Failure::Ask(error) => StatusCode::of_error(error).0,
+            Failure::NothingNew => OwnStatus::NothingNew as i32,
+            Failure::NotSent => OwnStatus::NotSent as i32,
+            Failure::Processor(_) => OwnStatus::OldProcessor as i32,
+            Failure::Internal => OwnStatus::Internal as i32,
+        })
     }
 }
 
@@ -140,7 +140,7 @@ fn keep(failure: &Failure) {
 pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
     let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or(Err(Failure::Internal));
     match outcome {
-        Ok(()) => StatusCode::Ok,
+        Ok(()) => StatusCode::OK,
         Err(failure) => {
             keep(&failure);
             failure.status()
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_panic_is_a_status() {
-        assert_eq!(guarded(|| panic!("on purpose")), StatusCode::Internal);
+        assert_eq!(guarded(|| panic!("on purpose")).0, OwnStatus::Internal as i32);
         assert!(text().contains("fault inside"));
     }
 
@@ -170,11 +170,11 @@ mod tests {
     fn a_text_that_is_too_long_is_cut_between_letters() {
         for start in 0..3 {
             let why = format!("{}{}", "x".repeat(start), "ä".repeat(LONGEST));
-            assert_eq!(guarded(|| Err(Failure::Text("urdf", why))), StatusCode::BadText);
+            assert_eq!(guarded(|| Err(Failure::Text("urdf", why))).0, OwnStatus::BadText as i32);
             let text = text();
             assert!(text.ends_with("ä ...") && text.len() > LONGEST - 8, "{}", text.len());
         }
-        assert_eq!(guarded(|| Err(Failure::Null("robot"))), StatusCode::NullPointer);
+        assert_eq!(guarded(|| Err(Failure::Null("robot"))).0, OwnStatus::NullPointer as i32);
         assert_eq!(text(), "`robot` is NULL");
     }
 }

@@ -11,73 +11,7 @@ use sarrus_client::{Answer, FailedState, Field, Layout, PlanId, Status, Warnings
 use crate::border::{addresses_of, array_beside, arrays, bytes, free, make, put, text, texts};
 use crate::failure::{Failure, guarded};
 use crate::robot::{Robot, query_options};
-use crate::status::{StatusCode, bits};
-
-/// The kinds of request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Request {
-    /// Positions, velocities, accelerations, closures, frames.
-    Kinematics = 1,
-    /// Motion to forces.
-    InverseDynamics = 2,
-    /// Forces to motion.
-    ForwardDynamics = 3,
-    /// Positions, velocities, accelerations and forces from one space to another.
-    Map = 4,
-    /// Motion and forces of the actuators to the forces from outside.
-    Observe = 5,
-    /// Poses of frames to the positions that reach them.
-    InverseKinematics = 6,
-    /// Twists of frames to the velocity that gives them, within limits.
-    DifferentialInverseKinematics = 7,
-    /// Accelerations of frames to the forces of actuators and contacts that give them, within
-    /// limits.
-    Step = 8,
-}
-
-/// Axes and reference point of the twists, accelerations and Jacobians of frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Axes {
-    /// Root axes, at the frame's origin.
-    Mixed = 0,
-    /// Root axes, at the root's origin; accelerations stay those of the frame's origin.
-    World = 1,
-    /// The frame's axes, at its origin.
-    Local = 2,
-}
-
-/// The parts of a frame that a task is about, and its priority, as bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum TaskPart {
-    /// The place of its origin.
-    Position = 1,
-    /// Its axes.
-    Orientation = 2,
-    /// The direction of its z axis.
-    Axis = 4,
-    /// Only as far as the tasks without this bit leave room.
-    Second = 8,
-    /// Exactly, by forces of the ground: a contact.
-    Held = 16,
-}
-
-/// Additions to the requests and answers of a query, as bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum QueryOption {
-    /// Requests and answers have a checksum.
-    Checksum = 1,
-    /// Answers have the age of their request and the time taken: sarrus_robot_times.
-    Times = 2,
-    /// Loops are followed, and nearest_y is sought, as long as it takes; without it the work of a
-    /// request is bounded.
-    Search = 4,
-    /// Forces count the friction of joints.
-    Friction = 8,
-}
+use crate::status::StatusCode;
 
 /// A query by names. Begin with zeros, `sarrus_query query = {0};`, and set the members needed.
 #[derive(Clone, Copy, Debug)]
@@ -319,7 +253,7 @@ pub unsafe extern "C" fn sarrus_robot_ask(
         let robot = robot.ok_or(Failure::Null("robot"))?;
         let plan = plan.ok_or(Failure::Null("plan"))?;
         let answer = robot.robot.ask(plan.id, input, output)?;
-        put(warnings, bits(answer.warnings));
+        put(warnings, answer.warnings.0);
         answer.ok()?;
         Ok(())
     })
@@ -373,7 +307,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
         };
         if let Some(failure) = refused {
             output.fill(f64::NAN);
-            statuses.fill(failure.status() as i32);
+            statuses.fill(failure.status().0);
             warnings.fill(0);
             return Err(failure);
         }
@@ -382,7 +316,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
         let threads = threads.unwrap_or(NonZero::<usize>::MIN);
         let outcome = robot.robot.batch(plan.id, threads, input, output, &mut answers);
         // if the call failed, the rows without an answer
-        let unasked = outcome.as_ref().err().map(|error| StatusCode::of_error(error) as i32);
+        let unasked = outcome.as_ref().err().map(|error| StatusCode::of_error(error).0);
         for (status, answer) in statuses.iter_mut().zip(&answers) {
             *status = match (answer.status, unasked) {
                 (Status::UnknownRequest, Some(unasked)) => unasked,
@@ -390,7 +324,7 @@ pub unsafe extern "C" fn sarrus_robot_batch(
             };
         }
         for (warnings, answer) in warnings.iter_mut().zip(&answers) {
-            *warnings = bits(answer.warnings);
+            *warnings = answer.warnings.0;
         }
         outcome?;
         Ok(answers.iter().try_for_each(|answer| answer.ok().map(drop))?)

@@ -12,7 +12,6 @@ use crate::border::{bytes, free, make, put, text, text_or_none};
 use crate::failure::{Failure, guarded};
 use crate::options::{Connecting, LoadOptions, connecting, loading};
 use crate::status::StatusCode;
-use crate::text::kept;
 
 /// A robot that answers: in this process or in another, by the same functions and with the same
 /// bits. One thread uses it at a time; any may.
@@ -47,8 +46,10 @@ impl Robot {
             &model.links,
             &model.warnings,
         ];
-        let name = CString::new(model.robot.as_str()).unwrap_or_default();
-        Robot { name, names: names.map(kept), robot }
+        // no file can have a zero inside a name; it would leave the name empty
+        let kept = |name: &String| CString::new(name.as_str()).unwrap_or_default();
+        let names = names.map(|list| list.iter().map(kept).collect());
+        Robot { name: kept(&model.robot), names, robot }
     }
 
     fn load(source: &Source, options: &sarrus_client::Options) -> Result<Robot, Failure> {

@@ -38,7 +38,7 @@ pub use kernels::{AnsweredBy, KernelError, Kernels};
 pub use life::{Life, ProcessState};
 pub use options::{ConnectOptions, Transport, WaitStrategy};
 pub use plan::{PlanId, Prepared};
-pub use query::{IntoField, QueryBuilder, UnknownName};
+pub use query::{QueryBuilder, UnknownName};
 pub use robot::Robot;
 pub use sarrus_dynamics::description;
 pub use sarrus_dynamics::{
@@ -49,9 +49,9 @@ pub use sarrus_proto::control::Holder;
 pub use sarrus_proto::message::{ClientStatistics, Statistics};
 pub use sarrus_proto::{
     Answer, Axes, Domain, FailedState, Field, FieldSet, Layout, ModelInfo, Query, QueryError,
-    QueryOptions, Request, Status, TaskParts, Warnings,
+    QueryOptions, Request, Status, TaskParts, Warning, Warnings,
 };
-pub use sarrus_proto::{actuators, watch};
+pub use sarrus_proto::{actuators, watch, wire_enum};
 pub use view::ServerView;
 
 /// The page for users: its programs are compiled, and run where they need no server.

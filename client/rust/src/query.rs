@@ -8,39 +8,6 @@ use sarrus_proto::{Field, FieldSet, MAX_FRAMES, MAX_WRENCHES, Query, QueryError}
 
 use crate::{Error, PlanId, Robot};
 
-/// A reference to a field: a [`Field`] or its name as scripts write it.
-pub trait IntoField {
-    /// The field, or the unknown name.
-    ///
-    /// # Errors
-    /// The name, if no field has it.
-    fn into_field(self) -> Result<Field, String>;
-}
-
-impl IntoField for Field {
-    fn into_field(self) -> Result<Field, String> {
-        Ok(self)
-    }
-}
-
-impl<F: IntoField + Clone> IntoField for &F {
-    fn into_field(self) -> Result<Field, String> {
-        self.clone().into_field()
-    }
-}
-
-impl IntoField for &str {
-    fn into_field(self) -> Result<Field, String> {
-        Field::from_name(self).ok_or_else(|| self.to_owned())
-    }
-}
-
-impl IntoField for String {
-    fn into_field(self) -> Result<Field, String> {
-        self.as_str().into_field()
-    }
-}
-
 /// An unknown name in a query.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -101,14 +68,14 @@ impl<'a> QueryBuilder<'a> {
     }
 
     /// The fields that each request gives, such as `y`; called again, more of them.
-    pub fn given<F: IntoField>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
+    pub fn given<F: AsRef<str>>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
         let fields = self.fields(fields);
         self.query.given |= fields;
         self
     }
 
     /// The fields that each answer holds, such as `tau_u`; without it, the request's usual ones.
-    pub fn want<F: IntoField>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
+    pub fn want<F: AsRef<str>>(mut self, fields: impl IntoIterator<Item = F>) -> Self {
         self.query.want = self.fields(fields);
         self
     }
@@ -258,15 +225,16 @@ impl<'a> QueryBuilder<'a> {
         self.robot.prepare(&self.query)
     }
 
-    fn fields<F: IntoField>(&mut self, fields: impl IntoIterator<Item = F>) -> FieldSet {
+    fn fields<F: AsRef<str>>(&mut self, fields: impl IntoIterator<Item = F>) -> FieldSet {
         let mut set = FieldSet::EMPTY;
         for field in fields {
-            match field.into_field() {
-                Ok(field) => set |= field,
-                Err(name) => self.unknown.push(UnknownName {
-                    nearest: nearest(&name, Field::ALL.iter().map(|field| field.name()))
+            let name = field.as_ref();
+            match Field::from_name(name) {
+                Some(field) => set |= field,
+                None => self.unknown.push(UnknownName {
+                    nearest: nearest(name, Field::ALL.iter().map(|field| field.name()))
                         .map(str::to_owned),
-                    name,
+                    name: name.to_owned(),
                     what: "field",
                     help: format!("fields are {}", FieldSet::of(Field::ALL)),
                 }),

@@ -120,27 +120,12 @@ impl Manifest {
         };
         let instructions: String = INSTRUCTIONS.map(instruction).concat();
         // how many rows is known where the function for them is compiled
-        format!(
-            r#"
-#ifdef {DEFINITION}
-#ifndef __VERSION__
-#define __VERSION__ "unknown"
-#endif
-#define SARRUS_QUOTED(x) #x
-#define SARRUS_TEXT(x) SARRUS_QUOTED(x)
-/* what sarrus reads in a shared object before it loads it */
-extern const char {SYMBOL}[];
-const char {SYMBOL}[] =
-{lines}#ifdef SARRUS_LANES
-    "rows " SARRUS_TEXT(SARRUS_LANES) "\n"
-#else
-    "rows 0\n"
-#endif
-{generator}    "processor "
-{instructions}    "\ncompiler " __VERSION__ "\n";
-#endif
-"#
-        )
+        include_str!("c/manifest.c")
+            .replace("@DEFINITION@", DEFINITION)
+            .replace("@SYMBOL@", SYMBOL)
+            .replace("@GENERATOR@", &generator)
+            .replace("@INSTRUCTIONS@", &instructions)
+            .replace("@LINES@", &lines)
     }
 }
 

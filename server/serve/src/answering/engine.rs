@@ -272,14 +272,17 @@ impl Engine {
         }
 
         let key = Key { place, plan: PlanNumber(head.plan), sequence: head.sequence, row: None };
-        let known = match &mut self.aside {
-            Some(threads) => known(threads, key, plan, input, output),
-            None => Known::Nothing,
+        let look = match &mut self.aside {
+            Some(threads) => thread_of(threads, plan).look(key, plan, input),
+            None => Look::Nothing,
         };
-        let answer = match known {
-            Known::Answer(answer) => answer,
-            Known::Later => return Ok(None),
-            Known::Nothing => {
+        let answer = match look {
+            Look::Answered(answer, numbers) => {
+                output.copy_from_slice(numbers);
+                answer
+            }
+            Look::Waits => return Ok(None),
+            Look::Nothing => {
                 let of = (&**plan, kernel.as_deref());
                 let answer = compute(of, &mut self.workspace, input, output, &mut self.by_kernel);
                 if let Some(threads) = &mut self.aside
@@ -357,19 +360,18 @@ impl Engine {
         area.read(&shape, first, input);
         let row = Some(first);
         let key = Key { place, plan: PlanNumber(head.plan), sequence: head.sequence, row };
-        let known = match &mut self.aside {
-            Some(threads) if rows > 0 => {
-                known(threads, key, plan, &input[..n_in], &mut output[..n_out])
-            }
-            _ => Known::Nothing,
+        let look = match &mut self.aside {
+            Some(threads) if rows > 0 => thread_of(threads, plan).look(key, plan, &input[..n_in]),
+            _ => Look::Nothing,
         };
-        let rows = match known {
-            Known::Later => return Ok(None),
-            Known::Answer(answer) => {
+        let rows = match look {
+            Look::Waits => return Ok(None),
+            Look::Answered(answer, numbers) => {
+                output[..n_out].copy_from_slice(numbers);
                 answers[0] = answer;
                 1
             }
-            Known::Nothing => {
+            Look::Nothing => {
                 let (rows, by_kernel) = match kernel.as_deref() {
                     Some(kernel) => {
                         kernel.answer_rows(plan, &mut self.workspace, input, output, answers)
@@ -407,35 +409,9 @@ impl Engine {
     }
 }
 
-/// Knowledge of a state before it is computed.
-enum Known {
-    Nothing,
-    Later,
-    Answer(Answer),
-}
-
 /// The thread for the states of a plan that need more than a turn.
 fn thread_of<'a>(threads: &'a mut [Aside; 2], plan: &Plan) -> &'a mut Aside {
     &mut threads[usize::from(plan.is_long())]
-}
-
-/// The answer that a thread knows of a state; its numbers into `output`.
-#[inline]
-fn known(
-    threads: &mut [Aside; 2],
-    key: Key,
-    plan: &Arc<Plan>,
-    input: &[f64],
-    output: &mut [f64],
-) -> Known {
-    match thread_of(threads, plan).look(key, plan, input) {
-        Look::Nothing => Known::Nothing,
-        Look::Waits => Known::Later,
-        Look::Answered(answer, numbers) => {
-            output.copy_from_slice(numbers);
-            Known::Answer(answer)
-        }
-    }
 }
 
 /// Computes one answer, by the generated kernel if it answers, else by the plan; the bits are
