@@ -233,12 +233,8 @@ fn curve(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]>
     let mut points: Vec<[f64; 2]> = Vec::new();
     for item in list(node, key, diagnostics) {
         let Value::List(pair) = &item.value else {
-            diagnostics.error(
-                item.span,
-                item.describe(),
-                "a point [speed, torque]",
-                "write a list",
-            );
+            let found = item.describe();
+            diagnostics.error(item.span, found, "a point [speed, torque]", "write a list");
             continue;
         };
         let pair: Vec<f64> = pair.iter().filter_map(|x| number(x, key, diagnostics)).collect();

@@ -136,8 +136,7 @@ fn attach(
         );
         let help = "write `type: NUMERICAL`, and in jointnames_independent as many joints as move \
             freely";
-        diagnostics.error(closing.span, found, "a type with loops", help);
-        return None;
+        return diagnostics.refused(closing.span, found, "a type with loops", help);
     }
     part.loops.push(cut);
     Some(part.loops.len() - 1)
@@ -186,8 +185,7 @@ fn tied(
                 names.join(", ")
             );
             let expected = "a transmission with an actuator, or independent=\"true\"";
-            diagnostics.error(first.span, found, expected, help);
-            return None;
+            return diagnostics.refused(first.span, found, expected, help);
         }
     };
     let name = unique(&first.name, &description.submechanisms);

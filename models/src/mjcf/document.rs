@@ -76,8 +76,7 @@ impl Attribute {
         };
         let found = format!("`{}`: {fault}", self.name);
         let expected = format!("at most {}", number::expected(most));
-        diagnostics.error(self.span, found, expected, "correct the value");
-        None
+        diagnostics.refused(self.span, found, expected, "correct the value")
     }
 }
 
@@ -125,8 +124,7 @@ impl Files {
             Err(error) => {
                 let found = format!("the file {shown} cannot be opened: {error}");
                 let help = "correct the path, or name its folder by --include-dir";
-                diagnostics.error(span, found, "a readable file", help);
-                return None;
+                return diagnostics.refused(span, found, "a readable file", help);
             }
         };
         if !self.roots.iter().any(|root| real.starts_with(root)) {
@@ -141,8 +139,7 @@ impl Files {
         match text::read_named(&real) {
             Ok((_, bytes)) => Some((real, path.display().to_string(), bytes)),
             Err(error) => {
-                diagnostics.error(span, error.to_string(), "a readable file", "correct the path");
-                None
+                diagnostics.refused(span, error.to_string(), "a readable file", "correct the path")
             }
         }
     }
@@ -243,8 +240,7 @@ fn placed(root: Element, include: Element, diagnostics: &mut Diagnostics) -> Opt
     let model = root.children.into_iter().find(|of| of.name == "model").filter(|_| !is_old);
     let Some(mut model) = model else {
         let expected = "a file with a model, of version 1.5 or later";
-        diagnostics.error(include.span, "an included file", expected, "write it so");
-        return None;
+        return diagnostics.refused(include.span, "an included file", expected, "write it so");
     };
     let given = include.attributes.into_iter().filter(|of| of.name != "uri");
     for of in given {

@@ -68,8 +68,7 @@ pub(crate) fn convert(
     if robot.frames.len() > MOST_PARTS {
         let found = "the model has too many parts";
         let most = format!("at most {MOST_PARTS}");
-        diagnostics.error(model.span, found, most, "remove some of them");
-        return None;
+        return diagnostics.refused(model.span, found, most, "remove some of them");
     }
     robot.place();
     let (tree, cuts) = robot.tree();

@@ -129,8 +129,7 @@ fn link<'t>(
 ) -> Option<(String, Span)> {
     let Some(node) = node else {
         let found = format!("the joint has no `{end}`");
-        reader.diagnostics.error(joint, found, format!("<{end} link=\"…\"/>"), "add it");
-        return None;
+        return reader.diagnostics.refused(joint, found, format!("<{end} link=\"…\"/>"), "add it");
     };
     reader.children(node, &REFERENCE);
     reader.required(node, "link")
@@ -177,8 +176,7 @@ fn independent<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<bo
         _ => {
             let found = format!("`independent` is {}", quoted(written.value()));
             let at = reader.span_of_value(&written);
-            reader.diagnostics.error(at, found, "true or false", "correct it");
-            None
+            reader.diagnostics.refused(at, found, "true or false", "correct it")
         }
     }
 }

@@ -81,12 +81,9 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     });
     for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
         if absent {
-            reader.diagnostics.error(
-                span,
-                format!("`inertial` has no `{name}`"),
-                format!("<{name} …/>"),
-                "add it or remove the inertial",
-            );
+            let found = format!("`inertial` has no `{name}`");
+            let expected = format!("<{name} …/>");
+            reader.diagnostics.error(span, found, expected, "add it or remove the inertial");
         }
     }
     match (origin, mass.flatten(), inertia.flatten()) {

@@ -162,8 +162,7 @@ impl Urdf {
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
             let help = "give a file of URDF, MJCF or SDF (expand xacro files)";
-            reader.diagnostics.error(span, found, "`robot`, `mujoco` or `sdf`", help);
-            return None;
+            return reader.diagnostics.refused(span, found, "`robot`, `mujoco` or `sdf`", help);
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
         let version = Version::parse(root.attribute("version"));

@@ -43,8 +43,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let names = [parent.0.as_str(), own.0.as_str()];
     let Some(kind) = kind(&written).filter(|kind| !matches!(kind, CutJoint::Cylindrical { .. }))
     else {
-        unknown(reader, at, &name, &written, names);
-        return None;
+        return unknown(reader, at, &name, &written, names);
     };
     let place = match child(node, "pose") {
         None => Placement::default(),
@@ -65,8 +64,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
             if element == "axis2" && matches!(kind, CutJoint::Universal { .. }) {
                 let found = format!("the universal joint {} has no `axis2`", quoted(&name));
                 let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
-                reader.diagnostics.error(span, found, "two axes", help);
-                return None;
+                return reader.diagnostics.refused(span, found, "two axes", help);
             }
             continue;
         };
@@ -117,8 +115,7 @@ fn placement<'t>(reader: &mut Reader<'t, '_>, pose: Node<'_, 't>) -> Option<Plac
         format => {
             let found = format!("the rotation format {} of `pose`", quoted(format));
             let expected = "euler_rpy, or quat_xyzw without degrees";
-            reader.diagnostics.error(reader.span(pose), found, expected, "correct it");
-            None
+            reader.diagnostics.refused(reader.span(pose), found, expected, "correct it")
         }
     }
 }
@@ -131,8 +128,7 @@ fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, end: &str) -> Optio
     let span = reader.span(found.unwrap_or(node));
     if name.is_empty() {
         let what = format!("the joint inside `gazebo` has no `{end}`");
-        reader.diagnostics.error(span, what, format!("<{end}>LINK</{end}>"), "add it");
-        return None;
+        return reader.diagnostics.refused(span, what, format!("<{end}>LINK</{end}>"), "add it");
     }
     Some((name.to_owned(), span))
 }

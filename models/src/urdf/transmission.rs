@@ -75,8 +75,7 @@ pub(super) fn gear<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Optio
         let found = "`coupling` does not say which links turn at which ratio";
         let expected = "<predecessor link/>, <successor link/>, <ratio value/>";
         let help = "add them, or write <mimic joint multiplier/> into the joint that follows";
-        reader.diagnostics.error(span, found, expected, help);
-        return None;
+        return reader.diagnostics.refused(span, found, expected, help);
     };
     Some(Gear { span, links: [predecessor, successor], ratio })
 }
@@ -129,8 +128,7 @@ impl Gear {
         else {
             let found = "a coupling without a joint of one axis that can follow";
             let help = "write <mimic joint multiplier/> into the joint that follows";
-            diagnostics.error(span, found, "joints of one axis between the links", help);
-            return None;
+            return diagnostics.refused(span, found, "joints of one axis between the links", help);
         };
         let name = |j: usize| joint(j).map(|joint| joint.name.clone());
         let masters = terms.iter().filter(|(j, _)| j != follower).filter_map(|(j, factor)| {

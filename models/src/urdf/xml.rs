@@ -67,8 +67,7 @@ pub(crate) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
                     && node.tag_name().namespace().is_some_and(|name| name.ends_with("/xacro"))
             });
             if let Some(node) = macros {
-                expand(text.span(node.range().start), diagnostics);
-                return None;
+                return expand(text.span(node.range().start), diagnostics);
             }
             Some(document)
         }
@@ -76,27 +75,22 @@ pub(crate) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
             let span = span_of(&error, text);
             if matches!(&error, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro")
             {
-                expand(span, diagnostics);
-                return None;
+                return expand(span, diagnostics);
             }
             let full = error.to_string();
             // the parser repeats the position at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
-            diagnostics.error(
-                span,
-                format!("this is not XML: {what}"),
-                "a well-formed URDF file",
-                "correct the file at this position",
-            );
-            None
+            let found = format!("this is not XML: {what}");
+            let help = "correct the file at this position";
+            diagnostics.refused(span, found, "a well-formed URDF file", help)
         }
     }
 }
 
 /// Reports an element of the macro processor.
-fn expand(span: Span, diagnostics: &mut Diagnostics) {
+fn expand<T>(span: Span, diagnostics: &mut Diagnostics) -> Option<T> {
     let found = "an element of xacro, which is not expanded";
-    diagnostics.error(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf");
+    diagnostics.refused(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf")
 }
 
 fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
@@ -208,8 +202,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         let span = self.span_of_value(&found);
         if found.value().trim().is_empty() {
             let what = format!("`{attribute}` of `{}` is empty", node.tag_name().name());
-            self.diagnostics.error(span, what, "a name", "fill it in");
-            return None;
+            return self.diagnostics.refused(span, what, "a name", "fill it in");
         }
         Some((found.value().to_owned(), span))
     }
@@ -239,8 +232,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Ok(numbers) => Some(numbers),
             Err(fault) => {
                 let found = format!("{name}: {fault}");
-                self.diagnostics.error(span, found, number::expected(N), "correct the value");
-                None
+                self.diagnostics.refused(span, found, number::expected(N), "correct the value")
             }
         }
     }
