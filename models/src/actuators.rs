@@ -7,24 +7,9 @@ use crate::urdf::Urdf;
 use crate::yaml::{Node, Value, keys, list, missing, number, numbers, word, words};
 
 const OF: &str = "an actuator";
-const KEYS: &[&str] = &[
-    "joint",
-    "joints",
-    "model",
-    "peak_torque",
-    "continuous_torque",
-    "thermal_time",
-    "series_stiffness",
-    "max_speed",
-    "torque_speed",
-    "braking_torque_speed",
-    "power",
-    "stroke",
-    "rotor_inertia",
-    "gear_ratio",
-    "efficiency",
-    "friction",
-];
+const KEYS: &str = "joint joints model peak_torque continuous_torque thermal_time \
+    series_stiffness max_speed torque_speed braking_torque_speed power stroke rotor_inertia \
+    gear_ratio efficiency friction";
 /// Keys that no request reads, and where they count.
 const KEPT: &[(&str, &str)] = &[
     ("thermal_time", "`simulate --limits` alone reads it"),
@@ -78,9 +63,10 @@ published! {
 
 /// Reads the actuators of a file into the joints of the robot.
 pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) {
+    let known: Vec<&str> = KEYS.split(' ').collect();
     let mut seen: Vec<String> = Vec::new();
     for node in list(root, "actuators", diagnostics) {
-        if !keys(node, OF, KEYS, diagnostics) {
+        if !keys(node, OF, &known, diagnostics) {
             continue;
         }
         for (key, reader) in KEPT {

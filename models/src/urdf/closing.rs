@@ -53,25 +53,9 @@ pub(crate) enum Place {
 
 /// `<loop>`, `<loop_joint>` and `<constraint>`.
 const ELEMENT: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &[],
-    many: &[
-        "predecessor",
-        "successor",
-        "sucessor",
-        "parent",
-        "child",
-        "link1",
-        "link2",
-        "parent_origin",
-        "child_origin",
-        "axis",
-        "axis2",
-        "parent_axis",
-        "child_axis",
-        "dynamics",
-    ],
-    ignored: &[],
+    many: "predecessor successor sucessor parent child link1 link2 parent_origin child_origin \
+        axis axis2 parent_axis child_axis dynamics",
+    ..Shape::of("name type")
 };
 
 /// The cut joint of a joint type.

@@ -7,14 +7,8 @@ use sarrus_dynamics::description::{Friction, JointKind, Terms};
 use super::xml::{Reader, Shape};
 use crate::report::{Diagnostics, Span, quoted};
 
-const DYNAMICS: Shape = Shape::of(&[
-    "damping",
-    "friction",
-    "spring_stiffness",
-    "spring_reference",
-    "rotor_inertia",
-    "gear_ratio",
-]);
+const DYNAMICS: Shape =
+    Shape::of("damping friction spring_stiffness spring_reference rotor_inertia gear_ratio");
 
 /// The rotor of an actuator.
 pub(crate) struct Rotor {

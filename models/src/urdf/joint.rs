@@ -12,23 +12,14 @@ use crate::report::{Span, quoted};
 use crate::rotation::dot;
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type", "independent"],
-    once: &["origin", "parent", "child", "axis", "axis2", "limit", "mimic", "dynamics"],
-    many: &[],
-    ignored: &[
-        "calibration",
-        "safety_controller",
-        "hardwareInterface",
-        "joint_properties",
-        "sensor",
-        "gazebo",
-    ],
+    once: "origin parent child axis axis2 limit mimic dynamics",
+    ignored: "calibration safety_controller hardwareInterface joint_properties sensor gazebo",
+    ..Shape::of("name type independent")
 };
-const REFERENCE: Shape = Shape::of(&["link"]);
-const AXIS: Shape = Shape::of(&["xyz"]);
-const LIMIT: Shape =
-    Shape::of(&["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"]);
-const MIMIC: Shape = Shape::of(&["joint", "multiplier", "offset"]);
+const REFERENCE: Shape = Shape::of("link");
+const AXIS: Shape = Shape::of("xyz");
+const LIMIT: Shape = Shape::of("lower upper effort velocity acceleration deceleration jerk");
+const MIMIC: Shape = Shape::of("joint multiplier offset");
 
 /// Joint types; those of several axes count as the motion of their parts.
 const TYPES: [(&str, JointKind); 9] = [

@@ -9,25 +9,14 @@ use crate::inertia::{self, InertiaFault};
 use crate::report::{Diagnostics, Span, quoted};
 
 const LINK: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["inertial"],
-    many: &[],
-    ignored: &[
-        "visual",
-        "collision",
-        "contact",
-        "self_collision_checking",
-        "self_collide",
-        "gravity",
-        "sensor",
-        "material",
-        "verbose",
-    ],
+    once: "inertial",
+    ignored: "visual collision contact self_collision_checking self_collide gravity sensor \
+        material verbose",
+    ..Shape::of("name type")
 };
-const INERTIAL: Shape =
-    Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
-const MASS: Shape = Shape::of(&["value"]);
-const INERTIA: Shape = Shape::of(&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]);
+const INERTIAL: Shape = Shape { once: "origin mass inertia", ..Shape::of("") };
+const MASS: Shape = Shape::of("value");
+const INERTIA: Shape = Shape::of("ixx ixy ixz iyy iyz izz");
 
 /// A link as written.
 pub(crate) struct LinkEntry {

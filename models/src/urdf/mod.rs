@@ -34,20 +34,10 @@ use transmission::{Dependence, Gear};
 use xml::{Reader, Shape};
 
 const ROBOT: Shape = Shape {
-    attributes: &["name", "version"],
-    once: &[],
-    many: &["link", "joint", "transmission", "coupling"],
-    ignored: &[
-        "material",
-        "gazebo",
-        "ros2_control",
-        "sensor",
-        "loop",
-        "loop_joint",
-        "constraint",
-        "group",
-        "self_collision_checking",
-    ],
+    many: "link joint transmission coupling",
+    ignored: "material gazebo ros2_control sensor loop loop_joint constraint group \
+        self_collision_checking",
+    ..Shape::of("name version")
 };
 
 /// Largest robot: its matrices are dense.

@@ -6,7 +6,7 @@ use sarrus_dynamics::description::Placement;
 use super::xml::{Reader, Shape};
 use crate::rotation;
 
-const ORIGIN: Shape = Shape::of(&["xyz", "rpy", "quat_xyzw"]);
+const ORIGIN: Shape = Shape::of("xyz rpy quat_xyzw");
 
 /// Deviations of a quaternion's length from 1: that of rounding, and that of a coarse file.
 const ROUNDED: f64 = 1e-6;

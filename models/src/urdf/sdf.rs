@@ -11,16 +11,14 @@ use crate::cut::about;
 use crate::report::quoted;
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["parent", "child", "pose", "axis", "axis2"],
-    many: &[],
-    ignored: &["physics", "sensor"],
+    once: "parent child pose axis axis2",
+    ignored: "physics sensor",
+    ..Shape::of("name type")
 };
 const AXIS: Shape = Shape {
-    attributes: &[],
-    once: &["xyz", "use_parent_model_frame", "dynamics", "mimic"],
-    many: &[],
-    ignored: &["limit", "initial_position"],
+    once: "xyz use_parent_model_frame dynamics mimic",
+    ignored: "limit initial_position",
+    ..Shape::of("")
 };
 
 /// A joint between two links of the tree. Its frame lies in the child, its axes in this frame; at

@@ -10,17 +10,10 @@ use super::joint::{Master, master};
 use super::xml::{Reader, Shape};
 use crate::report::{Diagnostics, Span, quoted};
 
-const TRANSMISSION: Shape =
-    Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
-const JOINT: Shape =
-    Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
-const DEPENDS_ON: Shape = Shape::of(&["joint", "multiplier", "offset"]);
-const COUPLING: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["predecessor", "successor", "ratio"],
-    many: &[],
-    ignored: &[],
-};
+const TRANSMISSION: Shape = Shape { many: "joint", ignored: "*", ..Shape::of("name type") };
+const JOINT: Shape = Shape { many: "depends_on", ignored: "*", ..Shape::of("name") };
+const DEPENDS_ON: Shape = Shape::of("joint multiplier offset");
+const COUPLING: Shape = Shape { once: "predecessor successor ratio", ..Shape::of("name type") };
 
 /// The joints on which one joint depends.
 pub(crate) struct Dependence {

@@ -10,23 +10,28 @@ use crate::text::Text;
 /// Most nodes of a document.
 const MOST_NODES: u32 = 4_000_000;
 
-/// The attributes and elements that an element may hold.
+/// The attributes and elements that an element may hold, as lists of words.
 pub(super) struct Shape {
     /// Attributes.
-    pub(super) attributes: &'static [&'static str],
+    pub(super) attributes: &'static str,
     /// Elements that are read, once each.
-    pub(super) once: &'static [&'static str],
+    pub(super) once: &'static str,
     /// Elements that are read, any number of times.
-    pub(super) many: &'static [&'static str],
+    pub(super) many: &'static str,
     /// Elements that other programs read; `*` for any.
-    pub(super) ignored: &'static [&'static str],
+    pub(super) ignored: &'static str,
 }
 
 impl Shape {
     /// Of an element without children.
-    pub(super) const fn of(attributes: &'static [&'static str]) -> Shape {
-        Shape { attributes, once: &[], many: &[], ignored: &[] }
+    pub(super) const fn of(attributes: &'static str) -> Shape {
+        Shape { attributes, once: "", many: "", ignored: "" }
     }
+}
+
+/// Whether a list of words has this one.
+pub(super) fn has(words: &str, word: &str) -> bool {
+    words.split_whitespace().any(|of| of == word)
 }
 
 /// The first child of this name.
@@ -136,15 +141,15 @@ impl<'t, 'f> Reader<'t, 'f> {
     pub(super) fn children<'a>(&mut self, node: Node<'a, 't>, shape: &Shape) -> Vec<Node<'a, 't>> {
         let of = node.tag_name().name().to_owned();
         for attribute in node.attributes() {
-            if attribute.namespace().is_none() && !shape.attributes.contains(&attribute.name()) {
+            if attribute.namespace().is_none() && !has(shape.attributes, attribute.name()) {
                 let found = format!(
                     "the attribute {} of `{of}` is not known and not read",
                     quoted(attribute.name())
                 );
-                let expected = shape.attributes.join(", ");
+                let expected = shape.attributes.replace(' ', ", ");
                 let help = self.diagnostics.did_you_mean(
                     attribute.name(),
-                    shape.attributes.iter().copied(),
+                    shape.attributes.split_whitespace(),
                     "remove it if it is a slip",
                 );
                 self.diagnostics.warning(
@@ -160,11 +165,11 @@ impl<'t, 'f> Reader<'t, 'f> {
         for child in node.children().filter(Node::is_element) {
             let name = child.tag_name().name();
             let is_ours = child.tag_name().namespace().is_none();
-            if is_ours && shape.many.contains(&name) {
+            if is_ours && has(shape.many, name) {
                 children.push(child);
                 continue;
             }
-            if is_ours && shape.once.contains(&name) {
+            if is_ours && has(shape.once, name) {
                 if seen.contains(&name) {
                     let found = format!("`{of}` has a second `{name}`");
                     self.diagnostics.error(self.span(child), found, "one", "remove one of them");
@@ -174,11 +179,11 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             // a separate reader handles loops
-            if is_closing(child) && shape.many.contains(&"link") {
+            if is_closing(child) && has(shape.many, "link") {
                 continue;
             }
-            if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {
-                let known = shape.once.iter().chain(shape.many).copied();
+            if !is_ours || !(has(shape.ignored, name) || shape.ignored == "*") {
+                let known = shape.once.split_whitespace().chain(shape.many.split_whitespace());
                 let expected = known.clone().collect::<Vec<_>>().join(", ");
                 let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
                 let found =
