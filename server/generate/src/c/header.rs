@@ -35,31 +35,7 @@ pub(super) fn header(kernel: &Kernel, model: &Model<f64>, name: &str) -> String 
             text += &closed;
         }
     }
-    text += &format!(
-        "\n/* what the function returns */\n#define {upper}_OK 0\n/* some coordinate, velocity or \
-         force is outside of its limits; the numbers are right */\n#define {upper}_LIMITS_EXCEEDED \
-         1\n/* ask the generic kernel: the numbers are none */\n#define {upper}_NOT_ANSWERED 2\n\n"
-    );
-    text += "#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n";
-    text += &format!(
-        "/* in[{upper}_INPUTS], out[{upper}_OUTPUTS]; no memory, no state, one branch at\n   \
-         the end: without an answer out is NaN */\nint \
-         {name}(const double *in, double *out);\n\n"
-    );
-    text += &format!(
-        "/* with SARRUS_ROWS defined, and compilers that have vectors: so many states at once,\n   \
-         in[{upper}_ROWS][{upper}_INPUTS], out[{upper}_ROWS][{upper}_OUTPUTS]; returns bit k where \
-         row k has no\n   answer and its numbers are none, bit k + {upper}_ROWS where it is \
-         outside of its limits.\n   The symbol has the number: what was compiled for another one \
-         is not linked. On devices a kernel has one state. */\n#if defined(__OPENCL_VERSION__) || \
-         defined(__CUDACC__) || defined(__HIPCC__)\n#define {upper}_ROWS 1\n#elif \
-         defined(SARRUS_ROWS) && defined(__GNUC__)\n#if defined(__AVX512F__)\n#define \
-         {upper}_ROWS 8\n#define {name}_rows {name}_rows8\n#else\n\
-         #define {upper}_ROWS 4\n#define {name}_rows {name}_rows4\n#endif\nint \
-         {name}_rows(const double *in, double *out);\n#endif\n\n"
-    );
-    text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
-    text
+    text + &include_str!("header.h").replace("@NAME@", name).replace("@UPPER@", &upper)
 }
 
 /// Inputs that sarrus appends to the given numbers where Newton's method closes a loop.
@@ -67,13 +43,7 @@ fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
     if !kernel.plan.closes_apart() {
         return String::new();
     }
-    let mut text =
-        "\n/* NOT BY ITSELF: some loops of this robot are closed by Newton's method, which \
-                    is not in this file.\n   sarrus closes them (sarrus serve --kernel, \
-                    Robot::use_kernels, Plan::close of sarrus-dynamics), looks\n   whether the \
-                    state is one that the function is for, and puts these numbers behind the given \
-                    ones. */\n"
-            .to_owned();
+    let mut text = include_str!("closed.h").to_owned();
     let mut offset = kernel.plan.given().len();
     for (k, numbers) in kernel.plan.closed_numbers(model).iter().enumerate() {
         let what = match numbers.name {
