@@ -102,7 +102,7 @@ mod unlisted;
 mod urdf;
 pub mod yaml;
 
-pub use actuators::{PUBLISHED, Published};
+pub use actuators::{Published, published};
 pub use assembly_report::{AssemblyReport, Moved, NewPlacements};
 pub use base::Base;
 pub use bundled::{bundled, bundled_text};
