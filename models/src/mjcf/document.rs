@@ -129,12 +129,10 @@ impl Files {
         };
         if !self.roots.iter().any(|root| real.starts_with(root)) {
             let found = format!("the file {shown} lies outside of the first file's folder");
-            let help = format!(
-                "name its folder: --include-dir {}",
-                real.parent().unwrap_or(&real).display()
-            );
-            diagnostics.error(span, found, "a file below it or below an include folder", help);
-            return None;
+            let folder = real.parent().unwrap_or(&real).display();
+            let help = format!("name its folder: --include-dir {folder}");
+            let expected = "a file below it or below an include folder";
+            return diagnostics.refused(span, found, expected, help);
         }
         match text::read_named(&real) {
             Ok((_, bytes)) => Some((real, path.display().to_string(), bytes)),

@@ -142,22 +142,14 @@ impl<'t, 'f> Reader<'t, 'f> {
         let of = node.tag_name().name().to_owned();
         for attribute in node.attributes() {
             if attribute.namespace().is_none() && !has(shape.attributes, attribute.name()) {
-                let found = format!(
-                    "the attribute {} of `{of}` is not known and not read",
-                    quoted(attribute.name())
-                );
+                let name = attribute.name();
+                let span = self.text.span(attribute.range().start);
+                let found =
+                    format!("the attribute {} of `{of}` is not known and not read", quoted(name));
                 let expected = shape.attributes.replace(' ', ", ");
-                let help = self.diagnostics.did_you_mean(
-                    attribute.name(),
-                    shape.attributes.split_whitespace(),
-                    "remove it if it is a slip",
-                );
-                self.diagnostics.warning(
-                    self.text.span(attribute.range().start),
-                    found,
-                    expected,
-                    help,
-                );
+                let known = shape.attributes.split_whitespace();
+                let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
+                self.diagnostics.warning(span, found, expected, help);
             }
         }
         let mut seen: Vec<&str> = Vec::new();
