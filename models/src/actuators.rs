@@ -2,29 +2,15 @@
 
 use sarrus_dynamics::description::{JointKind, Limits, Motor, Terms};
 
+use crate::number as strict;
 use crate::report::{Diagnostics, quoted};
 use crate::urdf::Urdf;
 use crate::yaml::{Node, Value, keys, list, missing, number, numbers, word, words};
 
 const OF: &str = "an actuator";
-const KEYS: &[&str] = &[
-    "joint",
-    "joints",
-    "model",
-    "peak_torque",
-    "continuous_torque",
-    "thermal_time",
-    "series_stiffness",
-    "max_speed",
-    "torque_speed",
-    "braking_torque_speed",
-    "power",
-    "stroke",
-    "rotor_inertia",
-    "gear_ratio",
-    "efficiency",
-    "friction",
-];
+const KEYS: &str = "joint joints model peak_torque continuous_torque thermal_time \
+    series_stiffness max_speed torque_speed braking_torque_speed power stroke rotor_inertia \
+    gear_ratio efficiency friction";
 /// Keys that no request reads, and where they count.
 const KEPT: &[(&str, &str)] = &[
     ("thermal_time", "`simulate --limits` alone reads it"),
@@ -47,40 +33,23 @@ pub struct Published {
     armature: f64,
 }
 
-macro_rules! published {
-    ($($name:literal $about:literal $speeds:expr, $torques:expr, $friction:expr,
-        $armature:expr;)*) => {
-        /// Published motors; the README of this crate names the sources.
-        pub const PUBLISHED: &[Published] = &[$(Published {
-            name: $name,
-            about: $about,
-            speeds: $speeds,
-            torques: $torques,
-            friction: $friction,
-            armature: $armature,
-        }),*];
-    };
-}
-
-published! {
-    "N5020-16" "Unitree G1: ankles, arms" [30.86, 40.13], [24.8, 31.9], [0.6, 0.06], 0.003609725;
-    "N7520-14.3" "Unitree G1: hips" [22.63, 35.52], [71.0, 83.3], [1.6, 0.16], 0.01017752;
-    "N7520-22.5" "Unitree G1: knees" [14.5, 22.7], [111.0, 131.0], [2.4, 0.24], 0.025101925;
-    "W4010-25" "Unitree G1: wrists" [15.3, 24.76], [4.8, 8.6], [0.6, 0.06], 0.00425;
-    "N5010-16" "Unitree" [27.0, 41.5], [9.5, 17.0], [0.0, 0.0], 0.0021812;
-    "Go2HV" "Unitree Go2" [13.5, 30.0], [20.2, 23.4], [0.0, 0.0], 0.0;
-    "M107-15" "Unitree H1" [14.0, 25.6], [150.0, 182.8], [0.0, 0.0], 0.063259741;
-    "M107-24" "Unitree H1" [8.8, 16.0], [240.0, 292.5], [0.0, 0.0], 0.160478022;
-    "XM430" "ToddlerBot" [4.22, 10.0], [1.86, 1.86], [0.0, 0.0], 0.0;
-    "XC330" "ToddlerBot" [3.29, 10.0], [0.99, 0.99], [0.0, 0.0], 0.0;
-    "2XC430" "ToddlerBot" [2.84, 10.0], [1.74, 1.74], [0.0, 0.0], 0.0;
+/// Published motors; the README of this crate names the sources.
+pub fn published() -> impl Iterator<Item = Published> + Clone {
+    include_str!("motors.tsv").lines().filter_map(|row| {
+        let (name, row) = row.split_once('\t')?;
+        let (about, row) = row.split_once('\t')?;
+        let [a, b, driving, braking, dry, viscous, armature] = strict::numbers(row).ok()?;
+        let [speeds, torques, friction] = [[a, b], [driving, braking], [dry, viscous]];
+        Some(Published { name, about, speeds, torques, friction, armature })
+    })
 }
 
 /// Reads the actuators of a file into the joints of the robot.
 pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) {
+    let known: Vec<&str> = KEYS.split(' ').collect();
     let mut seen: Vec<String> = Vec::new();
     for node in list(root, "actuators", diagnostics) {
-        if !keys(node, OF, KEYS, diagnostics) {
+        if !keys(node, OF, &known, diagnostics) {
             continue;
         }
         for (key, reader) in KEPT {
@@ -205,18 +174,12 @@ fn model(
     diagnostics: &mut Diagnostics,
 ) {
     let Some((name, span)) = word(node, "model", diagnostics) else { return };
-    let Some(known) = PUBLISHED.iter().find(|known| known.name == name) else {
-        let names = PUBLISHED.iter().map(|known| known.name);
+    let Some(known) = published().find(|known| known.name == name) else {
+        let names = published().map(|known| known.name);
         let found = format!("the motor {} is not known", quoted(&name));
         let expected = names.clone().collect::<Vec<_>>().join(", ");
-        return diagnostics.unknown(
-            span,
-            found,
-            expected,
-            &name,
-            names,
-            "write its numbers instead",
-        );
+        let otherwise = "write its numbers instead";
+        return diagnostics.unknown(span, found, expected, &name, names, otherwise);
     };
     let [until, end] = known.speeds;
     [own.driving, own.braking] = known.torques.map(|torque| vec![[until, torque], [end, 0.0]]);
@@ -233,12 +196,8 @@ fn curve(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]>
     let mut points: Vec<[f64; 2]> = Vec::new();
     for item in list(node, key, diagnostics) {
         let Value::List(pair) = &item.value else {
-            diagnostics.error(
-                item.span,
-                item.describe(),
-                "a point [speed, torque]",
-                "write a list",
-            );
+            let found = item.describe();
+            diagnostics.error(item.span, found, "a point [speed, torque]", "write a list");
             continue;
         };
         let pair: Vec<f64> = pair.iter().filter_map(|x| number(x, key, diagnostics)).collect();
@@ -258,4 +217,17 @@ fn curve(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Vec<[f64; 2]>
         }
     }
     points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::published;
+
+    #[test]
+    fn every_row_of_the_published_motors_is_read() {
+        let rows = include_str!("motors.tsv").lines().count();
+        assert_eq!((published().count(), rows), (11, 11));
+        let of_the_knee = published().find(|motor| motor.name == "N7520-22.5").unwrap();
+        assert_eq!((of_the_knee.torques, of_the_knee.friction), ([111.0, 131.0], [2.4, 0.24]));
+    }
 }

@@ -14,7 +14,7 @@ use crate::report::{Diagnostic, Diagnostics, Report};
 
 /// One robot as `check --format json` prints it. A faulty robot has only its name, if it was read,
 /// and the diagnostics.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckReport {
     /// Name of the robot.
@@ -22,10 +22,12 @@ pub struct CheckReport {
     /// Fingerprint of the model, 16 hexadecimal digits.
     pub fingerprint: Option<String>,
     /// Names, orders and sizes; none for a faulty robot.
+    #[serde(flatten, serialize_with = "names")]
     pub model: Option<ModelInfo>,
     /// How each submechanism is closed.
     pub closures: Vec<ClosureReport>,
     /// The bound on the work of a request.
+    #[serde(serialize_with = "steps_and_time")]
     pub bound: Option<Bound>,
     /// The motors that `actuators:` describes.
     pub actuators: Vec<ActuatorReport>,
@@ -36,6 +38,7 @@ pub struct CheckReport {
     /// Faults to correct.
     pub errors: Vec<Diagnostic>,
     /// The result of an assembly, if requested.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub assembled: Option<AssemblyReport>,
 }
 
@@ -103,32 +106,20 @@ pub struct ClosureReport {
     pub parts: Vec<Part>,
 }
 
-// the keys of `check --format json`
-impl Serialize for CheckReport {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let CheckReport { robot, fingerprint, model, closures, bound, dimensions, .. } = self;
-        let CheckReport { warnings, errors, assembled, actuators, .. } = self;
-        let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
-        let n = 13 + usize::from(assembled.is_some());
-        let mut object = serializer.serialize_struct("CheckReport", n)?;
-        object.serialize_field("robot", robot)?;
-        object.serialize_field("fingerprint", fingerprint)?;
-        object.serialize_field("tree", names(|model| &model.tree))?;
-        object.serialize_field("tree_q", names(|model| &model.tree_q))?;
-        object.serialize_field("independent", names(|model| &model.independent))?;
-        object.serialize_field("active", names(|model| &model.active))?;
-        object.serialize_field("loops", names(|model| &model.loops))?;
-        object.serialize_field("closures", closures)?;
-        object.serialize_field("bound", &bound.map(BoundReport::from))?;
-        object.serialize_field("actuators", actuators)?;
-        object.serialize_field("dimensions", dimensions)?;
-        object.serialize_field("warnings", warnings)?;
-        object.serialize_field("errors", errors)?;
-        if let Some(assembled) = assembled {
-            object.serialize_field("assembled", assembled)?;
-        }
-        object.end()
-    }
+/// The names of a model, or none.
+fn names<S: Serializer>(model: &Option<ModelInfo>, serializer: S) -> Result<S::Ok, S::Error> {
+    let names = |of: fn(&ModelInfo) -> &[String]| model.as_ref().map_or(&[][..], of);
+    serializer.collect_map([
+        ("tree", names(|model| &model.tree)),
+        ("tree_q", names(|model| &model.tree_q)),
+        ("independent", names(|model| &model.independent)),
+        ("active", names(|model| &model.active)),
+        ("loops", names(|model| &model.loops)),
+    ])
+}
+
+fn steps_and_time<S: Serializer>(bound: &Option<Bound>, to: S) -> Result<S::Ok, S::Error> {
+    bound.map(BoundReport::from).serialize(to)
 }
 
 /// A bound as `check --format json` prints it.

@@ -175,8 +175,7 @@ pub(crate) fn describe(
     let Some(mut description) = build::description(&urdf, entries, options.gravity) else {
         let found = "two readers of these files see different names";
         let help = "use letters, digits, _ and / in names";
-        diagnostics.error(urdf.span, found, "plain names", help);
-        return None;
+        return diagnostics.refused(urdf.span, found, "plain names", help);
     };
 
     let mut spans = Spans::new(&urdf, submechanisms.as_ref());

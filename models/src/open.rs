@@ -10,19 +10,18 @@ use crate::load::{Loaded, Options, compile, describe};
 use crate::report::{Diagnostics, Report};
 
 /// A robot that was read but not assessed.
-#[derive(Debug)]
-#[non_exhaustive]
-pub struct Opened {
+pub(crate) struct Opened {
     /// The robot as the files describe it.
-    pub description: Description,
+    pub(crate) description: Description,
     /// The model, for assembly only.
-    pub model: OpenModel,
+    pub(crate) model: OpenModel,
     robot: Option<String>,
     spans: Spans,
     diagnostics: Diagnostics,
 }
 
-/// As [`crate::load_open`], of contents that may be missing after an error.
+/// As [`crate::load`], of contents that may be missing after an error, without the faults of rank,
+/// mobility and mass, which need closed loops.
 pub(crate) fn open_contents(
     contents: Option<Contents>,
     options: &Options,
@@ -48,7 +47,7 @@ impl Opened {
     ///
     /// # Errors
     /// [`LoadError::Faults`].
-    pub fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
+    pub(crate) fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
         let mut diagnostics = self.diagnostics.clone();
         let compiled = compile(&description, &self.spans, &mut diagnostics);
         let loaded = compiled.map(|compiled| (description, self.spans.clone(), compiled));

@@ -156,6 +156,18 @@ impl Diagnostics {
         self.errors.push(span, diagnostic);
     }
 
+    /// Adds a fault that leaves nothing of the item.
+    pub fn refused<T>(
+        &mut self,
+        span: Span,
+        found: impl Word,
+        expected: impl Word,
+        help: impl Word,
+    ) -> Option<T> {
+        self.error(span, found, expected, help);
+        None
+    }
+
     /// Adds a warning.
     pub fn warning(&mut self, span: Span, found: impl Word, expected: impl Word, help: impl Word) {
         let diagnostic = self.diagnostic(span, found.into(), expected.into(), help.into());

@@ -8,7 +8,6 @@ use crate::contents::Contents;
 use crate::error::LoadError;
 use crate::load::{Loaded, Options, load_contents};
 use crate::names::nearest;
-use crate::open::{Opened, open_contents};
 use crate::report::Diagnostics;
 use crate::rewrite::{NewZero, Rewritten};
 use crate::suggest::{Suggestion, suggest_for};
@@ -66,16 +65,6 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let contents = contents(source, &mut diagnostics)?;
     load_contents(contents, options, diagnostics)
-}
-
-/// Reads a robot whose loops may be open at its zero pose.
-///
-/// # Errors
-/// As [`load`], without the faults of rank, mobility and mass, which need closed loops.
-pub fn load_open(source: &Source, options: &Options) -> Result<Opened, LoadError> {
-    let mut diagnostics = Diagnostics::new(options.lenient);
-    let contents = contents(source, &mut diagnostics)?;
-    open_contents(contents, options, diagnostics)
 }
 
 /// Proposes a submechanism file for a robot.

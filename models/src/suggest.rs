@@ -413,10 +413,8 @@ fn fitting(drafts: &[Draft], k: usize, files: &Files<'_>) -> Option<(String, Vec
 fn written(drafts: &[Draft], idle: &[String]) -> String {
     let mut text = String::new();
     if !idle.is_empty() {
-        text += &format!(
-            "# rods that spin idly, by the joint that stands still: {}\n",
-            idle.join(", ")
-        );
+        let joints = idle.join(", ");
+        text += &format!("# rods that spin idly, by the joint that stands still: {joints}\n");
     }
     text += "submechanisms:\n";
     text + &drafts.iter().map(Draft::lines).collect::<String>()

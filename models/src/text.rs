@@ -33,13 +33,8 @@ impl Text {
         let file = diagnostics.add_file(name);
         if bytes.len() > LARGEST {
             let help = "leave out what a robot does not need";
-            diagnostics.error(
-                Span::start(file),
-                format!("the file is larger than {} MiB", LARGEST >> 20),
-                "a robot of ordinary size",
-                help,
-            );
-            return None;
+            let found = format!("the file is larger than {} MiB", LARGEST >> 20);
+            return diagnostics.refused(Span::start(file), found, "a robot of ordinary size", help);
         }
         let mut bytes = bytes;
         let good = str::from_utf8(&bytes).map_or_else(|error| error.valid_up_to(), str::len);
@@ -55,13 +50,8 @@ impl Text {
         };
         if let Some(bad) = fault {
             let span = text.span(text.content.len());
-            diagnostics.error(
-                span,
-                format!("the byte 0x{bad:02x} is not UTF-8"),
-                "UTF-8 text",
-                "save the file as UTF-8",
-            );
-            return None;
+            let found = format!("the byte 0x{bad:02x} is not UTF-8");
+            return diagnostics.refused(span, found, "UTF-8 text", "save the file as UTF-8");
         }
         Some(text)
     }
@@ -77,12 +67,8 @@ impl Text {
             return;
         };
         let declaration = format!("xmlns:{prefix}=\"…\" on the outermost element");
-        diagnostics.warning(
-            self.span(first),
-            format!("the prefix `{prefix}` is not declared"),
-            declaration,
-            "declare it",
-        );
+        let found = format!("the prefix `{prefix}` is not declared");
+        diagnostics.warning(self.span(first), found, declaration, "declare it");
         for tag in &tags {
             self.content = self.content.replace(tag.as_str(), &tag.replace(':', "_"));
         }

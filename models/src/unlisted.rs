@@ -41,10 +41,9 @@ pub(crate) fn complete(
         let path = urdf.paths(&above, ends).concat();
         let cut = cut(closing, ends);
         if path.is_empty() {
-            let found = format!(
-                "the loop {} lies between links that do not move against each other",
-                quoted(&closing.name)
-            );
+            let name = quoted(&closing.name);
+            let found =
+                format!("the loop {name} lies between links that do not move against each other");
             let help = "remove it; it is not read";
             diagnostics.warning(closing.span, found, "links with a joint between them", help);
         } else if let Some(s) = path.iter().find_map(|j| owner[*j]) {
@@ -130,14 +129,11 @@ fn attach(
         return None;
     }
     if part.kind == SubmechanismKind::Serial {
-        let found = format!(
-            "the loop {name} closes joints of the serial submechanism {}",
-            quoted(&part.name)
-        );
+        let part = quoted(&part.name);
+        let found = format!("the loop {name} closes joints of the serial submechanism {part}");
         let help = "write `type: NUMERICAL`, and in jointnames_independent as many joints as move \
             freely";
-        diagnostics.error(closing.span, found, "a type with loops", help);
-        return None;
+        return diagnostics.refused(closing.span, found, "a type with loops", help);
     }
     part.loops.push(cut);
     Some(part.loops.len() - 1)
@@ -186,8 +182,7 @@ fn tied(
                 names.join(", ")
             );
             let expected = "a transmission with an actuator, or independent=\"true\"";
-            diagnostics.error(first.span, found, expected, help);
-            return None;
+            return diagnostics.refused(first.span, found, expected, help);
         }
     };
     let name = unique(&first.name, &description.submechanisms);

@@ -59,8 +59,7 @@ impl Compiler {
                 return Some(value);
             }
             let found = format!("`{name}` of `compiler` is {}", quoted(value));
-            diagnostics.error(attribute.span, found, known.join(", "), "correct it");
-            None
+            diagnostics.refused(attribute.span, found, known.join(", "), "correct it")
         };
         if let Some(angle) = word("angle", &["degree", "radian"]) {
             self.angles.in_degrees = angle == "degree";
@@ -121,13 +120,11 @@ impl Compiler {
         match range.filter(|_| counts) {
             None if counts => {
                 let found = format!("`{limited}` without a `{name}`");
-                diagnostics.error(item.span(), found, "both", "add the range");
-                None
+                diagnostics.refused(item.span(), found, "both", "add the range")
             }
             Some(range) if range[0] >= range[1] => {
                 let found = format!("the `{name}` {} {}", range[0], range[1]);
-                diagnostics.error(item.at(name), found, "lower < upper", "swap them");
-                None
+                diagnostics.refused(item.at(name), found, "lower < upper", "swap them")
             }
             range => range,
         }

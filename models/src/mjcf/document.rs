@@ -74,8 +74,7 @@ impl Attribute {
         };
         let found = format!("`{}`: {fault}", self.name);
         let expected = format!("at most {}", number::expected(most));
-        diagnostics.error(self.span, found, expected, "correct the value");
-        None
+        diagnostics.refused(self.span, found, expected, "correct the value")
     }
 }
 
@@ -123,24 +122,20 @@ impl Files {
             Err(error) => {
                 let found = format!("the file {shown} cannot be opened: {error}");
                 let help = "correct the path, or name its folder by --include-dir";
-                diagnostics.error(span, found, "a readable file", help);
-                return None;
+                return diagnostics.refused(span, found, "a readable file", help);
             }
         };
         if !self.roots.iter().any(|root| real.starts_with(root)) {
             let found = format!("the file {shown} lies outside of the first file's folder");
-            let help = format!(
-                "name its folder: --include-dir {}",
-                real.parent().unwrap_or(&real).display()
-            );
-            diagnostics.error(span, found, "a file below it or below an include folder", help);
-            return None;
+            let folder = real.parent().unwrap_or(&real).display();
+            let help = format!("name its folder: --include-dir {folder}");
+            let expected = "a file below it or below an include folder";
+            return diagnostics.refused(span, found, expected, help);
         }
         match text::read_named(&real) {
             Ok((_, bytes)) => Some((real, path.display().to_string(), bytes)),
             Err(error) => {
-                diagnostics.error(span, error.to_string(), "a readable file", "correct the path");
-                None
+                diagnostics.refused(span, error.to_string(), "a readable file", "correct the path")
             }
         }
     }
@@ -241,8 +236,7 @@ fn placed(root: Element, include: Element, diagnostics: &mut Diagnostics) -> Opt
     let model = root.children.into_iter().find(|of| of.name == "model").filter(|_| !is_old);
     let Some(mut model) = model else {
         let expected = "a file with a model, of version 1.5 or later";
-        diagnostics.error(include.span, "an included file", expected, "write it so");
-        return None;
+        return diagnostics.refused(include.span, "an included file", expected, "write it so");
     };
     let given = include.attributes.into_iter().filter(|of| of.name != "uri");
     for of in given {

@@ -26,18 +26,8 @@ pub(super) struct Tendon {
 }
 
 /// The elements of an actuator; a class holds its defaults under any of these names.
-const ACTUATORS: &[&str] = &[
-    "general",
-    "motor",
-    "position",
-    "velocity",
-    "intvelocity",
-    "damper",
-    "cylinder",
-    "muscle",
-    "adhesion",
-    "dcmotor",
-];
+const ACTUATORS: &str = "general motor position velocity intvelocity damper cylinder muscle \
+    adhesion dcmotor";
 
 /// The fixed tendons of a model; others are reported.
 pub(super) fn tendons<'e>(
@@ -115,8 +105,9 @@ pub(super) fn actuators<'e>(
     tendons: &mut [Tendon],
     diagnostics: &mut Diagnostics,
 ) {
+    let tags: Vec<&str> = ACTUATORS.split(' ').collect();
     for element in root.all("actuator").flat_map(|of| &of.children) {
-        let item = classes.item(element, ACTUATORS, None, diagnostics);
+        let item = classes.item(element, &tags, None, diagnostics);
         let name = item.text("name").unwrap_or_default();
         let gear = item.list("gear", 6, diagnostics).unwrap_or_default();
         let gear = gear.first().copied().unwrap_or(1.0);

@@ -60,8 +60,7 @@ pub(super) fn part(
     };
     if let Some((name, expected)) = wrong {
         let found = format!("`{name}` of a {kind} is {}", item.text(name).unwrap_or_default());
-        diagnostics.error(item.at(name), found, expected, "correct it");
-        return None;
+        return diagnostics.refused(item.at(name), found, expected, "correct it");
     }
     if let Some(half_length) = half_length {
         size = match (kind, size.first()) {
@@ -89,8 +88,7 @@ pub(super) fn part(
         _ if needed > 0 && (0..needed).any(|k| number(k) <= 0.0) => {
             let found = format!("the size of a {kind}: {size:?}");
             let expected = format!("{needed} positive");
-            diagnostics.error(item.at("size"), found, expected, "correct it");
-            return None;
+            return diagnostics.refused(item.at("size"), found, expected, "correct it");
         }
         ("sphere", _) => sphere(a, is_shell),
         ("capsule", _) => capsule(a, 2.0 * b, is_shell),

@@ -104,8 +104,7 @@ impl<'e> Item<'e> {
             "auto" => None,
             other => {
                 let found = format!("`{name}` of `{}` is {}", self.tag(), quoted(other));
-                diagnostics.error(attribute.span, found, "true or false", "correct it");
-                None
+                diagnostics.refused(attribute.span, found, "true or false", "correct it")
             }
         }
     }

@@ -55,32 +55,26 @@ impl<'e> Meshes<'e> {
         };
         let Some(item) = self.items.iter().find(is_it) else {
             let found = format!("the mesh {}, which does not exist", quoted(name));
-            diagnostics.error(span, found, "a mesh of this file", "correct the name");
-            return None;
+            return diagnostics.refused(span, found, "a mesh of this file", "correct the name");
         };
         let way = item.text("inertia").unwrap_or("legacy");
         let refuse = |what: &str, expected: &str, diagnostics: &mut Diagnostics| {
             let found = format!("the mesh {} {what}", quoted(name));
             let help = "write <inertial> of the body, as MuJoCo saves it";
             diagnostics.dynamics(span, found, expected, help);
+            None
         };
         if is_shell || !["legacy", "exact", "shell"].contains(&way) {
             let way = if is_shell { "shellinertia" } else { way };
             let what = format!("with the inertia {}", quoted(way));
-            refuse(&what, "legacy, exact or shell", diagnostics);
-            return None;
+            return refuse(&what, "legacy, exact or shell", diagnostics);
         }
         let faces = self.faces(item, diagnostics)?;
         if faces.is_empty() {
             let what = "has no faces: MuJoCo takes the hull of its vertices";
-            refuse(what, "faces", diagnostics);
-            return None;
+            return refuse(what, "faces", diagnostics);
         }
-        let solid = integrated(&faces, way);
-        if solid.is_none() {
-            refuse("has no volume", "a closed surface", diagnostics);
-        }
-        solid
+        integrated(&faces, way).or_else(|| refuse("has no volume", "a closed surface", diagnostics))
     }
 
     /// The triangles of a mesh, placed and scaled.

@@ -157,8 +157,8 @@ fn keyframe(
     let needed: usize = tree.joints.iter().map(|joint| count(joint.kind)).sum();
     if values.len() != needed {
         let found = format!("`qpos` of `key` holds {} numbers", values.len());
-        diagnostics.error(key.at("qpos"), found, format!("{needed}"), "correct the value");
-        return None;
+        let expected = needed.to_string();
+        return diagnostics.refused(key.at("qpos"), found, expected, "correct the value");
     }
     let name = key.text("name").unwrap_or("1").to_owned();
     let mut pose = Vec::new();

@@ -8,27 +8,7 @@ use crate::report::{Diagnostics, Span, quoted};
 
 /// Elements and those of their attributes without influence on mass, forces, loops, limits and
 /// actuators; `*` before whole elements with all that they hold, `=` for an attribute of one value.
-pub(crate) const HARMLESS: &str = "
-    *: camera contact custom cylinder damper default general geom hfield intvelocity keyframe key
-    *: lengthrange light material mesh motor muscle position sensor site size skin spatial
-    *: statistic texture velocity visual
-    asset: name
-    compiler: texturedir discardvisual usethread fusestatic saveinertial fitaabb convexhull
-    connect: name
-    fixed: group margin solreflimit solimplimit solreffriction solimpfriction user
-    fixed: material rgba width
-    flag: contact frictionloss limit clampctrl warmstart filterparent refsafe sensor midphase
-    flag: nativeccd eulerdamp autoreset override energy fwdinv invdiscrete multiccd island sleep
-    freejoint: group
-    joint: group solreflimit solimplimit solreffriction solimpfriction margin user actuatorgravcomp
-    mujoco: model
-    option: timestep apirate impratio tolerance ls_tolerance noslip_tolerance ccd_tolerance
-    option: sleep_tolerance o_margin o_solref o_solimp o_friction magnetic integrator cone jacobian
-    option: solver iterations ls_iterations noslip_iterations ccd_iterations sdf_iterations
-    option: sdf_initpoints mpr_tolerance mpr_iterations collision
-    body: user sleep
-    weld: name
-";
+pub(crate) const HARMLESS: &str = include_str!("harmless.txt");
 
 /// Reports the unread parts of a model.
 pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &mut Diagnostics) {

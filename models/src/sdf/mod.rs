@@ -27,17 +27,7 @@ use crate::rotation::quaternion;
 use frames::{Frame, MODEL, WORLD, full};
 
 /// Elements and attributes without influence on mass, forces, loops, limits and actuators.
-const HARMLESS: &str = "
-    *: sdf world physics scene light gui atmosphere magnetic_field wind audio road state actor
-    *: spherical_coordinates plugin gripper visual collision sensor projector audio_sink
-    *: audio_source battery particle_emitter axis axis2
-    model: canonical_link self_collide allow_auto_disable enable_wind static=0 static=false
-    link: self_collide enable_wind must_be_base_link gravity=1 gravity=true kinematic=0
-    link: kinematic=false
-    inertial: density auto=0 auto=false
-    velocity_decay: linear=0 angular=0
-    limit: stiffness dissipation
-";
+const HARMLESS: &str = include_str!("harmless.txt");
 
 /// Most links, joints and frames.
 const MOST_PARTS: usize = 10_000;
@@ -68,8 +58,7 @@ pub(crate) fn convert(
     if robot.frames.len() > MOST_PARTS {
         let found = "the model has too many parts";
         let most = format!("at most {MOST_PARTS}");
-        diagnostics.error(model.span, found, most, "remove some of them");
-        return None;
+        return diagnostics.refused(model.span, found, most, "remove some of them");
     }
     robot.place();
     let (tree, cuts) = robot.tree();

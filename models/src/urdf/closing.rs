@@ -53,25 +53,9 @@ pub(crate) enum Place {
 
 /// `<loop>`, `<loop_joint>` and `<constraint>`.
 const ELEMENT: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &[],
-    many: &[
-        "predecessor",
-        "successor",
-        "sucessor",
-        "parent",
-        "child",
-        "link1",
-        "link2",
-        "parent_origin",
-        "child_origin",
-        "axis",
-        "axis2",
-        "parent_axis",
-        "child_axis",
-        "dynamics",
-    ],
-    ignored: &[],
+    many: "predecessor successor sucessor parent child link1 link2 parent_origin child_origin \
+        axis axis2 parent_axis child_axis dynamics",
+    ..Shape::of("name type")
 };
 
 /// The cut joint of a joint type.
@@ -135,8 +119,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let [Some(first), Some(second), None] = three else {
         let found = format!("`{}` does not name two links", node.tag_name().name());
         let help = to_write(&name.map(|(name, _)| name).unwrap_or_default(), ["A", "B"], None);
-        reader.diagnostics.error(span, found, "a link at each end", help);
-        return None;
+        return reader.diagnostics.refused(span, found, "a link at each end", help);
     };
     let links = [first, second].map(|end| link(reader, end));
     let origins = [(first, "parent_origin"), (second, "child_origin")].map(|(end, beside)| {
@@ -151,8 +134,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
     let links = [first, second];
     let names = [links[0].0.as_str(), links[1].0.as_str()];
     let Some(kind) = kind(&written) else {
-        unknown(reader, at, &name, &written, names);
-        return None;
+        return unknown(reader, at, &name, &written, names);
     };
     let [first, second] = [origins[0]?, origins[1]?];
     let in_parent = axes[0].is_some_and(|axis| axis.attribute("frame") == Some("parent"));
@@ -162,8 +144,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         true => {
             let found = format!("the axis of the loop {} in a turned frame", quoted(&name));
             let help = to_write(&name, names, Some(&written));
-            reader.diagnostics.error(span, found, "an axis in the cut frame", help);
-            return None;
+            return reader.diagnostics.refused(span, found, "an axis in the cut frame", help);
         }
         false => Place::Both([first, second]),
     };
@@ -180,8 +161,7 @@ fn element<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Closin
         None if matches!(kind, CutJoint::Universal { .. }) => {
             let found = format!("the universal loop {} has one axis", quoted(&name));
             let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
-            reader.diagnostics.error(span, found, "two axes", help);
-            return None;
+            return reader.diagnostics.refused(span, found, "two axes", help);
         }
         None => [0.0, 1.0, 0.0],
     };
@@ -201,8 +181,7 @@ fn drake_constraint<'t>(
     if element != "ball_constraint" {
         let found = format!("{} is not read", quoted(&format!("drake:{element}")));
         let help = to_write(element, ["A", "B"], None);
-        reader.diagnostics.error(span, found, "drake:ball_constraint, or a cut", help);
-        return None;
+        return reader.diagnostics.refused(span, found, "drake:ball_constraint, or a cut", help);
     }
     let ends = [["body_A", "p_AP"], ["body_B", "p_BQ"]].map(|names| {
         let [body, point] = names.map(|name| child(&format!("ball_constraint_{name}")));
@@ -213,8 +192,7 @@ fn drake_constraint<'t>(
     let [Some((first, at_first)), Some((second, at_second))] = ends else {
         let found = "`drake:ball_constraint` does not name two bodies and points";
         let help = to_write(element, ["A", "B"], Some("spherical"));
-        reader.diagnostics.error(span, found, "a body and a point at each end", help);
-        return None;
+        return reader.diagnostics.refused(span, found, "a body and a point at each end", help);
     };
     let name =
         node.attribute("name").map_or_else(|| format!("{}_{}", first.0, second.0), Into::into);
@@ -289,13 +267,13 @@ pub(super) fn driven(closings: &[Closing], actuated: &BTreeSet<String>, of: &mut
 }
 
 /// Reports a type without a cut joint.
-pub(super) fn unknown(
+pub(super) fn unknown<T>(
     reader: &mut Reader<'_, '_>,
     at: Span,
     name: &str,
     written: &str,
     links: [&str; 2],
-) {
+) -> Option<T> {
     let found = format!("the loop {} of type {}", quoted(name), quoted(written));
     const TYPES: &str = "revolute continuous spherical ball fixed prismatic cylindrical universal";
     let expected: Vec<&str> = TYPES.split(' ').filter(|of| *of != written).collect();
@@ -305,7 +283,7 @@ pub(super) fn unknown(
             .to_owned(),
         _ => to_write(name, links, None),
     };
-    reader.diagnostics.error(at, found, expected.join(", "), help);
+    reader.diagnostics.refused(at, found, expected.join(", "), help)
 }
 
 /// The lines of the submechanism file that replace a loop that is not read.

@@ -220,11 +220,9 @@ impl Urdf {
                 let known = self.joint_index.get(&master.joint);
                 let (found, help) = match known {
                     None => {
-                        let help = diagnostics.did_you_mean(
-                            &master.joint,
-                            self.joint_names(),
-                            "correct the name",
-                        );
+                        let known = self.joint_names();
+                        let help =
+                            diagnostics.did_you_mean(&master.joint, known, "correct the name");
                         (format!("{who}, which does not exist"), help)
                     }
                     Some(_) if master.joint == joint.name => {

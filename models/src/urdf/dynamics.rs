@@ -7,14 +7,8 @@ use sarrus_dynamics::description::{Friction, JointKind, Terms};
 use super::xml::{Reader, Shape};
 use crate::report::{Diagnostics, Span, quoted};
 
-const DYNAMICS: Shape = Shape::of(&[
-    "damping",
-    "friction",
-    "spring_stiffness",
-    "spring_reference",
-    "rotor_inertia",
-    "gear_ratio",
-]);
+const DYNAMICS: Shape =
+    Shape::of("damping friction spring_stiffness spring_reference rotor_inertia gear_ratio");
 
 /// The rotor of an actuator.
 pub(crate) struct Rotor {
@@ -79,11 +73,8 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
         node.children().filter(|child| child.has_tag_name("joint")).collect();
     let ([actuator], [joint]) = (&actuators[..], &joints[..]) else {
         if let Some(second) = actuators.first() {
-            let found = format!(
-                "the transmission has {} rotors and {} joints",
-                actuators.len(),
-                joints.len()
-            );
+            let [rotors, joints] = [actuators.len(), joints.len()];
+            let found = format!("the transmission has {rotors} rotors and {joints} joints");
             let help = "write a transmission for each rotor";
             reader.diagnostics.error(reader.span(*second), found, "one of each", help);
         }

@@ -15,7 +15,7 @@ use roxmltree::Node;
 
 use super::joint::Master;
 use super::transmission::Dependence;
-use super::xml::{Reader, child};
+use super::xml::{Reader, child, has};
 use crate::report::{Span, quoted};
 
 /// Elements that the dynamics do not depend on.
@@ -78,11 +78,6 @@ impl Extras {
         let absent = (reader.span(element), [0.0; 2]);
         self.springs.entry(joint.to_owned()).or_insert(absent).1[index] = value;
     }
-}
-
-/// Whether a list has a name.
-fn has(names: &str, name: &str) -> bool {
-    names.split(' ').any(|of| of == name)
 }
 
 /// Reports an element that changes the dynamics, and warns of an unknown one.

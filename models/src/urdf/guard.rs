@@ -37,10 +37,8 @@ pub(super) fn is_harmless(text: &Text, diagnostics: &mut Diagnostics) -> bool {
         } else {
             let tag = Tag::scan(rest);
             if tag.attributes > MOST_ATTRIBUTES || namespaces + tag.namespaces > MOST_NAMESPACES {
-                let found = format!(
-                    "the element {} has too many attributes or namespaces",
-                    quoted(tag.name)
-                );
+                let name = quoted(tag.name);
+                let found = format!("the element {name} has too many attributes or namespaces");
                 let most = format!("at most {MOST_ATTRIBUTES}");
                 return refuse(open, &found, &most, "remove those that no reader knows");
             }

@@ -12,23 +12,14 @@ use crate::report::{Span, quoted};
 use crate::rotation::dot;
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type", "independent"],
-    once: &["origin", "parent", "child", "axis", "axis2", "limit", "mimic", "dynamics"],
-    many: &[],
-    ignored: &[
-        "calibration",
-        "safety_controller",
-        "hardwareInterface",
-        "joint_properties",
-        "sensor",
-        "gazebo",
-    ],
+    once: "origin parent child axis axis2 limit mimic dynamics",
+    ignored: "calibration safety_controller hardwareInterface joint_properties sensor gazebo",
+    ..Shape::of("name type independent")
 };
-const REFERENCE: Shape = Shape::of(&["link"]);
-const AXIS: Shape = Shape::of(&["xyz"]);
-const LIMIT: Shape =
-    Shape::of(&["lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"]);
-const MIMIC: Shape = Shape::of(&["joint", "multiplier", "offset"]);
+const REFERENCE: Shape = Shape::of("link");
+const AXIS: Shape = Shape::of("xyz");
+const LIMIT: Shape = Shape::of("lower upper effort velocity acceleration deceleration jerk");
+const MIMIC: Shape = Shape::of("joint multiplier offset");
 
 /// Joint types; those of several axes count as the motion of their parts.
 const TYPES: [(&str, JointKind); 9] = [
@@ -131,8 +122,7 @@ fn link<'t>(
 ) -> Option<(String, Span)> {
     let Some(node) = node else {
         let found = format!("the joint has no `{end}`");
-        reader.diagnostics.error(joint, found, format!("<{end} link=\"…\"/>"), "add it");
-        return None;
+        return reader.diagnostics.refused(joint, found, format!("<{end} link=\"…\"/>"), "add it");
     };
     reader.children(node, &REFERENCE);
     reader.required(node, "link")
@@ -179,8 +169,7 @@ fn independent<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<bo
         _ => {
             let found = format!("`independent` is {}", quoted(written.value()));
             let at = reader.span_of_value(&written);
-            reader.diagnostics.error(at, found, "true or false", "correct it");
-            None
+            reader.diagnostics.refused(at, found, "true or false", "correct it")
         }
     }
 }

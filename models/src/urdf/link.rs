@@ -9,25 +9,14 @@ use crate::inertia::{self, InertiaFault};
 use crate::report::{Diagnostics, Span, quoted};
 
 const LINK: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["inertial"],
-    many: &[],
-    ignored: &[
-        "visual",
-        "collision",
-        "contact",
-        "self_collision_checking",
-        "self_collide",
-        "gravity",
-        "sensor",
-        "material",
-        "verbose",
-    ],
+    once: "inertial",
+    ignored: "visual collision contact self_collision_checking self_collide gravity sensor \
+        material verbose",
+    ..Shape::of("name type")
 };
-const INERTIAL: Shape =
-    Shape { attributes: &[], once: &["origin", "mass", "inertia"], many: &[], ignored: &[] };
-const MASS: Shape = Shape::of(&["value"]);
-const INERTIA: Shape = Shape::of(&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]);
+const INERTIAL: Shape = Shape { once: "origin mass inertia", ..Shape::of("") };
+const MASS: Shape = Shape::of("value");
+const INERTIA: Shape = Shape::of("ixx ixy ixz iyy iyz izz");
 
 /// A link as written.
 pub(crate) struct LinkEntry {
@@ -81,12 +70,9 @@ fn weight<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Weight {
     });
     for (name, absent) in [("mass", mass.is_none()), ("inertia", inertia.is_none())] {
         if absent {
-            reader.diagnostics.error(
-                span,
-                format!("`inertial` has no `{name}`"),
-                format!("<{name} …/>"),
-                "add it or remove the inertial",
-            );
+            let found = format!("`inertial` has no `{name}`");
+            let expected = format!("<{name} …/>");
+            reader.diagnostics.error(span, found, expected, "add it or remove the inertial");
         }
     }
     match (origin, mass.flatten(), inertia.flatten()) {

@@ -34,20 +34,10 @@ use transmission::{Dependence, Gear};
 use xml::{Reader, Shape};
 
 const ROBOT: Shape = Shape {
-    attributes: &["name", "version"],
-    once: &[],
-    many: &["link", "joint", "transmission", "coupling"],
-    ignored: &[
-        "material",
-        "gazebo",
-        "ros2_control",
-        "sensor",
-        "loop",
-        "loop_joint",
-        "constraint",
-        "group",
-        "self_collision_checking",
-    ],
+    many: "link joint transmission coupling",
+    ignored: "material gazebo ros2_control sensor loop loop_joint constraint group \
+        self_collision_checking",
+    ..Shape::of("name version")
 };
 
 /// Largest robot: its matrices are dense.
@@ -162,8 +152,7 @@ impl Urdf {
         if !root.has_tag_name("robot") {
             let found = format!("the outermost element is {}", quoted(root.tag_name().name()));
             let help = "give a file of URDF, MJCF or SDF (expand xacro files)";
-            reader.diagnostics.error(span, found, "`robot`, `mujoco` or `sdf`", help);
-            return None;
+            return reader.diagnostics.refused(span, found, "`robot`, `mujoco` or `sdf`", help);
         }
         let name = reader.required(root, "name").map(|(name, _)| name).unwrap_or_default();
         let version = Version::parse(root.attribute("version"));

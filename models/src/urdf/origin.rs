@@ -6,7 +6,7 @@ use sarrus_dynamics::description::Placement;
 use super::xml::{Reader, Shape};
 use crate::rotation;
 
-const ORIGIN: Shape = Shape::of(&["xyz", "rpy", "quat_xyzw"]);
+const ORIGIN: Shape = Shape::of("xyz rpy quat_xyzw");
 
 /// Deviations of a quaternion's length from 1: that of rounding, and that of a coarse file.
 const ROUNDED: f64 = 1e-6;
@@ -32,8 +32,7 @@ pub(super) fn placement<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> 
     if !reader.version.has_quaternions() {
         let found = "`quat_xyzw` in a file of version 1.0";
         let help = "write version=\"1.1\" on `robot` or use `rpy`";
-        reader.diagnostics.error(span, found, "`rpy`", help);
-        return None;
+        return reader.diagnostics.refused(span, found, "`rpy`", help);
     }
     if node.has_attribute("rpy") {
         let found = format!("`{}` has both `rpy` and `quat_xyzw`", node.tag_name().name());
@@ -53,8 +52,7 @@ pub(super) fn turned<'t>(
     let span = reader.span(node);
     let found = format!("the quaternion of `{}` has the length {length}", node.tag_name().name());
     if (length - 1.0).abs() >= COARSE {
-        reader.diagnostics.error(span, found, "1", "normalise it");
-        return None;
+        return reader.diagnostics.refused(span, found, "1", "normalise it");
     }
     if (length - 1.0).abs() > ROUNDED {
         let help = "write more digits; it is read as a direction, normalised";

@@ -11,16 +11,14 @@ use crate::cut::about;
 use crate::report::quoted;
 
 const JOINT: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["parent", "child", "pose", "axis", "axis2"],
-    many: &[],
-    ignored: &["physics", "sensor"],
+    once: "parent child pose axis axis2",
+    ignored: "physics sensor",
+    ..Shape::of("name type")
 };
 const AXIS: Shape = Shape {
-    attributes: &[],
-    once: &["xyz", "use_parent_model_frame", "dynamics", "mimic"],
-    many: &[],
-    ignored: &["limit", "initial_position"],
+    once: "xyz use_parent_model_frame dynamics mimic",
+    ignored: "limit initial_position",
+    ..Shape::of("")
 };
 
 /// A joint between two links of the tree. Its frame lies in the child, its axes in this frame; at
@@ -43,8 +41,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
     let names = [parent.0.as_str(), own.0.as_str()];
     let Some(kind) = kind(&written).filter(|kind| !matches!(kind, CutJoint::Cylindrical { .. }))
     else {
-        unknown(reader, at, &name, &written, names);
-        return None;
+        return unknown(reader, at, &name, &written, names);
     };
     let place = match child(node, "pose") {
         None => Placement::default(),
@@ -65,8 +62,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
             if element == "axis2" && matches!(kind, CutJoint::Universal { .. }) {
                 let found = format!("the universal joint {} has no `axis2`", quoted(&name));
                 let help = to_write(&name, names, Some("universal, axis: […], axis2: […]"));
-                reader.diagnostics.error(span, found, "two axes", help);
-                return None;
+                return reader.diagnostics.refused(span, found, "two axes", help);
             }
             continue;
         };
@@ -117,8 +113,7 @@ fn placement<'t>(reader: &mut Reader<'t, '_>, pose: Node<'_, 't>) -> Option<Plac
         format => {
             let found = format!("the rotation format {} of `pose`", quoted(format));
             let expected = "euler_rpy, or quat_xyzw without degrees";
-            reader.diagnostics.error(reader.span(pose), found, expected, "correct it");
-            None
+            reader.diagnostics.refused(reader.span(pose), found, expected, "correct it")
         }
     }
 }
@@ -131,8 +126,7 @@ fn link<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>, end: &str) -> Optio
     let span = reader.span(found.unwrap_or(node));
     if name.is_empty() {
         let what = format!("the joint inside `gazebo` has no `{end}`");
-        reader.diagnostics.error(span, what, format!("<{end}>LINK</{end}>"), "add it");
-        return None;
+        return reader.diagnostics.refused(span, what, format!("<{end}>LINK</{end}>"), "add it");
     }
     Some((name.to_owned(), span))
 }

@@ -36,12 +36,8 @@ fn connect(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Tree {
             None => *slot = Some(j),
             Some(first) => {
                 let (name, span) = joint.child.clone().unwrap_or((String::new(), joint.span));
-                let found = format!(
-                    "the link {} has two parents, by the joints {} and {}",
-                    quoted(&name),
-                    quoted(&first.name),
-                    quoted(&joint.name)
-                );
+                let [name, a, b] = [&name, &first.name, &joint.name].map(|name| quoted(name));
+                let found = format!("the link {name} has two parents, by the joints {a} and {b}");
                 let help = "cut the loop here and write it as a loop constraint";
                 diagnostics.error(span, found, "one", help);
             }
@@ -61,11 +57,8 @@ fn link_at(
     let (name, span) = written.as_ref()?;
     let index = urdf.link_index.get(name).copied();
     if index.is_none() {
-        let found = format!(
-            "the {end} link {} of joint {} does not exist",
-            quoted(name),
-            quoted(&joint.name)
-        );
+        let [link, joint] = [name, &joint.name].map(|name| quoted(name));
+        let found = format!("the {end} link {link} of joint {joint} does not exist");
         let expected = diagnostics.one_of("a link of this file", name, urdf.link_names());
         let help = "correct the name or add the link";
         diagnostics.unknown(*span, found, expected, name, urdf.link_names(), help);

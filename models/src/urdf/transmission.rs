@@ -11,18 +11,11 @@ use super::joint::{Master, master};
 use super::xml::{Reader, Shape};
 use crate::report::{Diagnostics, Span, quoted};
 
-const TRANSMISSION: Shape =
-    Shape { attributes: &["name", "type"], once: &[], many: &["joint"], ignored: &["*"] };
-const JOINT: Shape =
-    Shape { attributes: &["name"], once: &[], many: &["depends_on"], ignored: &["*"] };
-const DEPENDS_ON: Shape = Shape::of(&["joint", "multiplier", "offset"]);
-const CURVED: Shape = Shape::of(&["joint", "polynomial", "about", "table", "offset"]);
-const COUPLING: Shape = Shape {
-    attributes: &["name", "type"],
-    once: &["predecessor", "successor", "ratio"],
-    many: &[],
-    ignored: &[],
-};
+const TRANSMISSION: Shape = Shape { many: "joint", ignored: "*", ..Shape::of("name type") };
+const JOINT: Shape = Shape { many: "depends_on", ignored: "*", ..Shape::of("name") };
+const DEPENDS_ON: Shape = Shape::of("joint multiplier offset");
+const CURVED: Shape = Shape::of("joint polynomial about table offset");
+const COUPLING: Shape = Shape { once: "predecessor successor ratio", ..Shape::of("name type") };
 
 /// The joints on which one joint depends.
 pub(crate) struct Dependence {
@@ -120,8 +113,7 @@ pub(super) fn gear<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Optio
         let found = "`coupling` does not say which links turn at which ratio";
         let expected = "<predecessor link/>, <successor link/>, <ratio value/>";
         let help = "add them, or write <mimic joint multiplier/> into the joint that follows";
-        reader.diagnostics.error(span, found, expected, help);
-        return None;
+        return reader.diagnostics.refused(span, found, expected, help);
     };
     Some(Gear { span, links: [predecessor, successor], ratio })
 }
@@ -174,8 +166,7 @@ impl Gear {
         else {
             let found = "a coupling without a joint of one axis that can follow";
             let help = "write <mimic joint multiplier/> into the joint that follows";
-            diagnostics.error(span, found, "joints of one axis between the links", help);
-            return None;
+            return diagnostics.refused(span, found, "joints of one axis between the links", help);
         };
         let name = |j: usize| joint(j).map(|joint| joint.name.clone());
         let masters = terms.iter().filter(|(j, _)| j != follower).filter_map(|(j, factor)| {

@@ -10,23 +10,28 @@ use crate::text::Text;
 /// Most nodes of a document.
 const MOST_NODES: u32 = 4_000_000;
 
-/// The attributes and elements that an element may hold.
+/// The attributes and elements that an element may hold, as lists of words.
 pub(super) struct Shape {
     /// Attributes.
-    pub(super) attributes: &'static [&'static str],
+    pub(super) attributes: &'static str,
     /// Elements that are read, once each.
-    pub(super) once: &'static [&'static str],
+    pub(super) once: &'static str,
     /// Elements that are read, any number of times.
-    pub(super) many: &'static [&'static str],
+    pub(super) many: &'static str,
     /// Elements that other programs read; `*` for any.
-    pub(super) ignored: &'static [&'static str],
+    pub(super) ignored: &'static str,
 }
 
 impl Shape {
     /// Of an element without children.
-    pub(super) const fn of(attributes: &'static [&'static str]) -> Shape {
-        Shape { attributes, once: &[], many: &[], ignored: &[] }
+    pub(super) const fn of(attributes: &'static str) -> Shape {
+        Shape { attributes, once: "", many: "", ignored: "" }
     }
+}
+
+/// Whether a list of words has this one.
+pub(super) fn has(words: &str, word: &str) -> bool {
+    words.split_whitespace().any(|of| of == word)
 }
 
 /// The first child of this name.
@@ -67,8 +72,7 @@ pub(crate) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
                     && node.tag_name().namespace().is_some_and(|name| name.ends_with("/xacro"))
             });
             if let Some(node) = macros {
-                expand(text.span(node.range().start), diagnostics);
-                return None;
+                return expand(text.span(node.range().start), diagnostics);
             }
             Some(document)
         }
@@ -76,27 +80,22 @@ pub(crate) fn parse<'t>(text: &'t Text, diagnostics: &mut Diagnostics) -> Option
             let span = span_of(&error, text);
             if matches!(&error, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro")
             {
-                expand(span, diagnostics);
-                return None;
+                return expand(span, diagnostics);
             }
             let full = error.to_string();
             // the parser repeats the position at the end of its message
             let what = full.rsplit_once(" at ").map_or(full.as_str(), |(what, _)| what);
-            diagnostics.error(
-                span,
-                format!("this is not XML: {what}"),
-                "a well-formed URDF file",
-                "correct the file at this position",
-            );
-            None
+            let found = format!("this is not XML: {what}");
+            let help = "correct the file at this position";
+            diagnostics.refused(span, found, "a well-formed URDF file", help)
         }
     }
 }
 
 /// Reports an element of the macro processor.
-fn expand(span: Span, diagnostics: &mut Diagnostics) {
+fn expand<T>(span: Span, diagnostics: &mut Diagnostics) -> Option<T> {
     let found = "an element of xacro, which is not expanded";
-    diagnostics.error(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf");
+    diagnostics.refused(span, found, "a URDF file", "expand it: xacro robot.xacro > robot.urdf")
 }
 
 fn span_of(error: &roxmltree::Error, text: &Text) -> Span {
@@ -142,23 +141,15 @@ impl<'t, 'f> Reader<'t, 'f> {
     pub(super) fn children<'a>(&mut self, node: Node<'a, 't>, shape: &Shape) -> Vec<Node<'a, 't>> {
         let of = node.tag_name().name().to_owned();
         for attribute in node.attributes() {
-            if attribute.namespace().is_none() && !shape.attributes.contains(&attribute.name()) {
-                let found = format!(
-                    "the attribute {} of `{of}` is not known and not read",
-                    quoted(attribute.name())
-                );
-                let expected = shape.attributes.join(", ");
-                let help = self.diagnostics.did_you_mean(
-                    attribute.name(),
-                    shape.attributes.iter().copied(),
-                    "remove it if it is a slip",
-                );
-                self.diagnostics.warning(
-                    self.text.span(attribute.range().start),
-                    found,
-                    expected,
-                    help,
-                );
+            if attribute.namespace().is_none() && !has(shape.attributes, attribute.name()) {
+                let name = attribute.name();
+                let span = self.text.span(attribute.range().start);
+                let found =
+                    format!("the attribute {} of `{of}` is not known and not read", quoted(name));
+                let expected = shape.attributes.replace(' ', ", ");
+                let known = shape.attributes.split_whitespace();
+                let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
+                self.diagnostics.warning(span, found, expected, help);
             }
         }
         let mut seen: Vec<&str> = Vec::new();
@@ -166,11 +157,11 @@ impl<'t, 'f> Reader<'t, 'f> {
         for child in node.children().filter(Node::is_element) {
             let name = child.tag_name().name();
             let is_ours = child.tag_name().namespace().is_none();
-            if is_ours && shape.many.contains(&name) {
+            if is_ours && has(shape.many, name) {
                 children.push(child);
                 continue;
             }
-            if is_ours && shape.once.contains(&name) {
+            if is_ours && has(shape.once, name) {
                 if seen.contains(&name) {
                     let found = format!("`{of}` has a second `{name}`");
                     self.diagnostics.error(self.span(child), found, "one", "remove one of them");
@@ -180,11 +171,11 @@ impl<'t, 'f> Reader<'t, 'f> {
                 continue;
             }
             // a separate reader handles loops
-            if is_closing(child) && shape.many.contains(&"link") {
+            if is_closing(child) && has(shape.many, "link") {
                 continue;
             }
-            if !is_ours || !(shape.ignored.contains(&name) || shape.ignored == ["*"]) {
-                let known = shape.once.iter().chain(shape.many).copied();
+            if !is_ours || !(has(shape.ignored, name) || shape.ignored == "*") {
+                let known = shape.once.split_whitespace().chain(shape.many.split_whitespace());
                 let expected = known.clone().collect::<Vec<_>>().join(", ");
                 let help = self.diagnostics.did_you_mean(name, known, "remove it if it is a slip");
                 let found =
@@ -208,8 +199,7 @@ impl<'t, 'f> Reader<'t, 'f> {
         let span = self.span_of_value(&found);
         if found.value().trim().is_empty() {
             let what = format!("`{attribute}` of `{}` is empty", node.tag_name().name());
-            self.diagnostics.error(span, what, "a name", "fill it in");
-            return None;
+            return self.diagnostics.refused(span, what, "a name", "fill it in");
         }
         Some((found.value().to_owned(), span))
     }
@@ -251,8 +241,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Ok(numbers) => Some(numbers),
             Err(fault) => {
                 let found = format!("{name}: {fault}");
-                self.diagnostics.error(span, found, number::expected(N), "correct the value");
-                None
+                self.diagnostics.refused(span, found, number::expected(N), "correct the value")
             }
         }
     }

@@ -12,42 +12,26 @@ pub type Named = (String, Span);
 pub fn keys(node: &Node, of: &str, known: &[&str], diagnostics: &mut Diagnostics) -> bool {
     let Value::Map(entries) = &node.value else {
         let found = format!("{of} is {}", node.describe());
-        diagnostics.error(
-            node.span,
-            found,
-            format!("a mapping with the keys {}", known.join(", ")),
-            "correct it",
-        );
+        let expected = format!("a mapping with the keys {}", known.join(", "));
+        diagnostics.error(node.span, found, expected, "correct it");
         return false;
     };
     let mut seen: Vec<&str> = Vec::new();
     for (key, _) in entries {
         let Value::Scalar { text, .. } = &key.value else {
-            diagnostics.error(
-                key.span,
-                format!("a key of {of} is {}", key.describe()),
-                known.join(", "),
-                "use a word",
-            );
+            let found = format!("a key of {of} is {}", key.describe());
+            diagnostics.error(key.span, found, known.join(", "), "use a word");
             continue;
         };
         if !known.contains(&text.as_str()) {
             let otherwise =
                 if text == "<<" { "write out the keys that it merges" } else { "remove it" };
             let help = diagnostics.did_you_mean(text, known.iter().copied(), otherwise);
-            diagnostics.error(
-                key.span,
-                format!("the key {} of {of} is not known", quoted(text)),
-                known.join(", "),
-                help,
-            );
+            let found = format!("the key {} of {of} is not known", quoted(text));
+            diagnostics.error(key.span, found, known.join(", "), help);
         } else if seen.contains(&text.as_str()) {
-            diagnostics.error(
-                key.span,
-                format!("the key {} of {of} is there twice", quoted(text)),
-                "one",
-                "remove one of them",
-            );
+            let found = format!("the key {} of {of} is there twice", quoted(text));
+            diagnostics.error(key.span, found, "one", "remove one of them");
         } else {
             seen.push(text);
         }
@@ -76,13 +60,8 @@ fn word_of(value: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Nam
     match &value.value {
         Value::Scalar { text, .. } if !text.trim().is_empty() => Some((text.clone(), value.span)),
         _ => {
-            diagnostics.error(
-                value.span,
-                format!("`{key}` holds {}", value.describe()),
-                "a name",
-                "write a name",
-            );
-            None
+            let found = format!("`{key}` holds {}", value.describe());
+            diagnostics.refused(value.span, found, "a name", "write a name")
         }
     }
 }
@@ -100,12 +79,8 @@ pub fn words(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<Ve
 pub fn list<'a>(node: &'a Node, key: &str, diagnostics: &mut Diagnostics) -> &'a [Node] {
     let Some(value) = node.get(key) else { return &[] };
     if !matches!(value.value, Value::List(_) | Value::Null) {
-        diagnostics.error(
-            value.span,
-            format!("`{key}` is {}", value.describe()),
-            "a list",
-            format!("write `{key}: [...]`"),
-        );
+        let found = format!("`{key}` is {}", value.describe());
+        diagnostics.error(value.span, found, "a list", format!("write `{key}: [...]`"));
     }
     value.items()
 }
@@ -119,21 +94,12 @@ pub fn numbers<const N: usize>(
 ) -> Option<[f64; N]> {
     let value = node.get(key)?;
     let Value::List(items) = &value.value else {
-        diagnostics.error(
-            value.span,
-            format!("`{key}` of {of} is {}", value.describe()),
-            strict::expected(N),
-            "write them as a list",
-        );
-        return None;
+        let found = format!("`{key}` of {of} is {}", value.describe());
+        return diagnostics.refused(value.span, found, strict::expected(N), "write them as a list");
     };
     if items.len() != N {
-        diagnostics.error(
-            value.span,
-            format!("`{key}` of {of} holds {} values", items.len()),
-            strict::expected(N),
-            "correct the list",
-        );
+        let found = format!("`{key}` of {of} holds {} values", items.len());
+        diagnostics.error(value.span, found, strict::expected(N), "correct the list");
     }
     let mut numbers = [0.0; N];
     let mut good = items.len() == N;
@@ -156,11 +122,6 @@ pub fn number(item: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<f
         Value::Scalar { .. } => format!("{} is a text in quotes", item.describe()),
         _ => format!("{} is not a number", item.describe()),
     };
-    diagnostics.error(
-        item.span,
-        format!("`{key}`: {fault}"),
-        strict::expected(1),
-        "correct the value",
-    );
-    None
+    let found = format!("`{key}`: {fault}");
+    diagnostics.refused(item.span, found, strict::expected(1), "correct the value")
 }

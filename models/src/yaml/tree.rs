@@ -104,13 +104,11 @@ pub(crate) fn parse(text: &Text, expected: &str, diagnostics: &mut Diagnostics) 
                 let span = text.span_at(error.marker().line(), error.marker().col() + 1);
                 // the scanner looks ahead of our own limit and has a higher one
                 if error.info() == "recursion limit exceeded" {
-                    too_deep(span, diagnostics);
-                } else {
-                    let found = format!("this is not YAML: {}", error.info());
-                    let help = "correct the file at this position";
-                    diagnostics.error(span, found, expected, help);
+                    return too_deep(span, diagnostics);
                 }
-                return None;
+                let found = format!("this is not YAML: {}", error.info());
+                let help = "correct the file at this position";
+                return diagnostics.refused(span, found, expected, help);
             }
         };
         let here = text.span_at(marks.start.line(), marks.start.col() + 1);
@@ -168,8 +166,7 @@ impl Builder {
         if self.n_nodes.max(self.n_anchored) > MOST_NODES {
             let found = format!("the file has more than {MOST_NODES} values");
             let help = "leave out what is not needed";
-            diagnostics.error(here, found, "a file of ordinary size", help);
-            return None;
+            return diagnostics.refused(here, found, "a file of ordinary size", help);
         }
         Some(())
     }
@@ -183,8 +180,7 @@ impl Builder {
         diagnostics: &mut Diagnostics,
     ) -> Option<()> {
         if self.open.len() >= DEEPEST {
-            too_deep(here, diagnostics);
-            return None;
+            return too_deep(here, diagnostics);
         }
         let node = Node { span: here, value };
         self.open.push(Open { node, anchor, before: self.n_nodes, depth: 0, key: None });
@@ -195,19 +191,16 @@ impl Builder {
     fn alias(&mut self, anchor: usize, here: Span, diagnostics: &mut Diagnostics) -> Option<()> {
         let Some(Anchored { node, size, depth }) = self.anchors.get(&anchor) else {
             let found = "an alias (`*…`) within the value that it stands for";
-            diagnostics.error(here, found, "a value that ends", "write the value out");
-            return None;
+            return diagnostics.refused(here, found, "a value that ends", "write the value out");
         };
         self.n_expanded += size;
         if self.n_expanded > MOST_EXPANDED {
             let found = format!("the aliases stand for more than {MOST_EXPANDED} values");
             let help = "write fewer of them, or the values out";
-            diagnostics.error(here, found, "a file of ordinary size", help);
-            return None;
+            return diagnostics.refused(here, found, "a file of ordinary size", help);
         }
         if self.open.len() + depth > DEEPEST {
-            too_deep(here, diagnostics);
-            return None;
+            return too_deep(here, diagnostics);
         }
         self.n_nodes += size - 1;
         let node = Node { span: here, value: node.value.clone() };
@@ -234,13 +227,9 @@ impl Builder {
     }
 }
 
-fn too_deep(span: Span, diagnostics: &mut Diagnostics) {
-    diagnostics.error(
-        span,
-        "lists and mappings are nested too deep",
-        format!("at most {DEEPEST} levels"),
-        "flatten the file",
-    );
+fn too_deep<T>(span: Span, diagnostics: &mut Diagnostics) -> Option<T> {
+    let found = "lists and mappings are nested too deep";
+    diagnostics.refused(span, found, format!("at most {DEEPEST} levels"), "flatten the file")
 }
 
 impl Open {

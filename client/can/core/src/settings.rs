@@ -136,8 +136,7 @@ impl Settings {
         expected: impl Into<String>,
         help: impl Into<String>,
     ) -> Option<T> {
-        diagnostics.error(self.place(key), found, expected, help);
-        None
+        diagnostics.refused(self.place(key), found, expected, help)
     }
 
     /// A setting declared as a number; NaN for any other name.

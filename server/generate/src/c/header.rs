@@ -43,13 +43,7 @@ fn closed_inputs(kernel: &Kernel, model: &Model<f64>, upper: &str) -> String {
     if !kernel.plan.closes_apart() {
         return String::new();
     }
-    let mut text =
-        "\n/* NOT BY ITSELF: some loops of this robot are closed by Newton's method, which \
-                    is not in this file.\n   sarrus closes them (sarrus serve --kernel, \
-                    Robot::use_kernels, Plan::close of sarrus-dynamics), looks\n   whether the \
-                    state is one that the function is for, and puts these numbers behind the given \
-                    ones. */\n"
-            .to_owned();
+    let mut text = include_str!("closed.h").to_owned();
     let mut offset = kernel.plan.given().len();
     for (k, numbers) in kernel.plan.closed_numbers(model).iter().enumerate() {
         let what = match numbers.name {

@@ -7,8 +7,8 @@ use super::mechanisms::{four_bar, rods};
 use crate::Outcome;
 use crate::measure::Effort;
 
-/// A family of cases: its name, its parameter with the unit, and its cases.
-pub(crate) struct Family(pub(crate) &'static str, pub(crate) &'static str, pub(crate) Fill);
+/// A family of cases: its name, and the source of its cases.
+pub(crate) struct Family(pub(crate) &'static str, pub(crate) Fill);
 
 /// The source of a family's cases.
 pub(crate) enum Fill {
@@ -67,7 +67,9 @@ pub(crate) enum Change {
 impl Family {
     /// Adds the family's cases.
     pub(crate) fn run(&self, cases: &mut Cases, effort: &Effort) -> Outcome {
-        let Family(name, parameter, fill) = self;
+        let Family(name, fill) = self;
+        let mut rows = include_str!("families.tsv").lines().filter_map(|row| row.split_once('\t'));
+        let (_, parameter) = rows.find(|(of, _)| of == name).ok_or("a family without parameter")?;
         cases.family(name, parameter);
         match fill {
             Fill::Swept(Sweep { values, robots, ask }) => {

@@ -13,24 +13,9 @@ use crate::stress::harness::{At, Case, Cases, Question, Reference, Robot, State,
 /// Bundled files with one faulty number, joint or link each: refused, with the position.
 pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     let (urdf, yaml) = bundled_text("lambda").ok_or("no lambda")?;
-    let faults: [(&str, &str, &str); 15] = [
-        ("mass NaN", "<mass value=\"1.2\"/>", "<mass value=\"NaN\"/>"),
-        ("mass infinite", "<mass value=\"1.2\"/>", "<mass value=\"inf\"/>"),
-        ("mass negative", "<mass value=\"1.2\"/>", "<mass value=\"-1.2\"/>"),
-        ("mass beyond double", "<mass value=\"1.2\"/>", "<mass value=\"1e999\"/>"),
-        ("inertia NaN", "ixx=\"0.014\"", "ixx=\"nan\""),
-        ("inertia negative", "ixx=\"0.014\"", "ixx=\"-0.014\""),
-        ("inertia of no body", "ixx=\"0.014\"", "ixx=\"14\""),
-        ("inertia without mass", "<mass value=\"1.2\"/>", "<mass value=\"0\"/>"),
-        ("origin NaN", "xyz=\"0.0 0.11402 0.0\"", "xyz=\"0.0 nan 0.0\""),
-        ("origin infinite", "xyz=\"0.0 0.11402 0.0\"", "xyz=\"0.0 1e400 0.0\""),
-        ("axis zero", "<axis xyz=\"0.0 1.0 0.0\"/>", "<axis xyz=\"0 0 0\"/>"),
-        ("axis NaN", "<axis xyz=\"0.0 1.0 0.0\"/>", "<axis xyz=\"0 nan 0\"/>"),
-        ("axis of a loop zero", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 0, 0, 0]"),
-        ("axis of a loop NaN", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 0, .nan, 0]"),
-        ("axis of a loop along no freedom", "axis: [0, 0, 0, 0, 1, 0]", "axis: [0, 0, 0, 1, 0, 0]"),
-    ];
-    for (k, (name, from, to)) in faults.into_iter().enumerate() {
+    for (k, row) in include_str!("faults.tsv").lines().enumerate() {
+        let cells: Vec<&str> = row.split('\t').collect();
+        let [name, from, to] = cells[..] else { return Err(row.into()) };
         let replaced = |text: &str| text.replacen(from, to, 1);
         let source = Source::Text {
             urdf: replaced(urdf).into(),
@@ -54,35 +39,14 @@ pub(crate) fn run(cases: &mut Cases, _: &Effort) -> Outcome {
     Ok(())
 }
 
-/// The ways in which a URDF writes the closing hinge of a four-bar, by the name of its element;
-/// `R` stands for a rotation of its frames, `Y` for the axis in them.
-const HINGES: [[&str; 2]; 3] = [
-    [
-        "loop",
-        "<loop name='pin' type='revolute'><predecessor link='coupler'><origin xyz='1 0 0' R/>\
-         </predecessor><successor link='rocker'><origin xyz='-0.2 0 1' R/></successor>\
-         <axis xyz='Y'/></loop>",
-    ],
-    [
-        "loop_joint",
-        "<loop_joint name='pin' type='revolute'><link1 link='coupler' xyz='1 0 0' R/>\
-         <link1 link='rocker' xyz='-0.2 0 1' R/><axis xyz='Y'/></loop_joint>",
-    ],
-    [
-        "constraint",
-        "<constraint name='pin' type='revolute'><parent link='coupler'/>\
-         <parent_origin xyz='1 0 0' R/><parent_axis xyz='Y'/><child link='rocker'/>\
-         <child_origin xyz='-0.2 0 1' R/><child_axis xyz='Y'/></constraint>",
-    ],
-];
-
 /// A four-bar whose origins are turned by quaternions has the answers of one that is turned by
 /// roll, pitch and yaw.
 pub(crate) fn quaternions(cases: &mut Cases, effort: &Effort) -> Outcome {
     let name = "four-bar in turned frames";
     for value in powers(effort, -12, 0, 2) {
         let turn = [0.4, FRAC_PI_2 - value.min(1.0), -0.3];
-        for [element, hinge] in HINGES {
+        for row in include_str!("hinges.tsv").lines() {
+            let (element, hinge) = row.split_once('\t').ok_or(row)?;
             let read = |rotation: &str| -> Outcome<Robot> {
                 let urdf = turned_four_bar(hinge, rotation, turn).into();
                 let source = Source::Text { urdf, submechanisms: None };
@@ -105,37 +69,12 @@ pub(crate) fn quaternions(cases: &mut Cases, effort: &Effort) -> Outcome {
 }
 
 /// The four-bar on a link that is turned against the base, closed in frames that are turned alike.
+/// A hinge is the element of a URDF that closes it, with the frames' rotation and the axis in them.
 fn turned_four_bar(hinge: &str, rotation: &str, [r, p, y]: [f64; 3]) -> String {
     // the y axis of the links in the turned frames
     let [(sr, cr), (sp, cp), (sy, cy)] = [r, p, y].map(f64::sin_cos);
     let axis = [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr];
     let axis = axis.map(|x| format!("{x:?}")).join(" ");
-    let link = |name: &str| {
-        format!(
-            "<link name='{name}'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' \
-             iyy='1' iyz='0' izz='1'/></inertial></link>"
-        )
-    };
-    let joint = |name: &str, parent: &str, xyz: &str| {
-        format!(
-            "<joint name='{name}_joint' type='continuous'><parent link='{parent}'/><child \
-             link='{name}'/><origin xyz='{xyz}'/><axis xyz='0 1 0'/></joint>"
-        )
-    };
-    [
-        "<robot name='four_bar' version='1.1'><link name='base'/><link name='turned'/>".to_owned(),
-        format!(
-            "<joint name='mount' type='fixed'><parent link='base'/><child link='turned'/><origin \
-             xyz='0 0 0' {rotation}/></joint>"
-        ),
-        ["crank", "coupler", "rocker"].map(link).concat(),
-        joint("crank", "turned", "0 0 0"),
-        joint("coupler", "crank", "0 0 1"),
-        joint("rocker", "turned", "1.2 0 0"),
-        hinge.replace('R', rotation).replace('Y', &axis),
-        "<transmission name='drive'><joint name='crank_joint'/><actuator name='m'/></transmission>\
-         </robot>"
-            .to_owned(),
-    ]
-    .concat()
+    let text = include_str!("turned_four_bar.urdf").replace("@HINGE@", hinge);
+    text.replace("@FRAME@", rotation).replace("@AXIS@", &axis)
 }
