@@ -91,7 +91,7 @@ class Robot:
                     raise LoadError(f"{where}: the name {part.name!r} is not one of its own", [])
                 known.add(part.name)
         self.name = NO_XML.sub("_", self.name)
-        for part in sum(groups, []):
+        for part in (*groups[0], *groups[1]):
             held: list[Any] = []
             for of in vars(part).values():
                 held += of.values() if isinstance(of, dict) else [of]
