@@ -14,7 +14,6 @@ import sarrus
 from sarrus import convert
 
 HAS_LUA = importlib.util.find_spec("lupa") is not None
-HAS_USD = importlib.util.find_spec("pxr") is not None
 
 # the mechanism of appendix A of the base document, with inertias that a body can have
 RRPR = """
@@ -115,115 +114,6 @@ SIX_STATES = (
          6.28402510682132, 1.39292564145457, -1.41413120284366],
     ),
 )  # fmt: skip
-
-STAGE = """#usda 1.0
-( defaultPrim = "four"
-  metersPerUnit = 0.01
-  upAxis = "Z" )
-def Xform "four" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])
-{
-    def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    { BODY
-      float physics:mass = 2
-      point3f physics:centerOfMass = (0, 0, 0) }
-    def Xform "crank" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    { double3 xformOp:translate = (0, 0, 10)
-      uniform token[] xformOpOrder = ["xformOp:translate"]
-      BODY
-      float physics:mass = 1
-      point3f physics:centerOfMass = (0, 0, 0) }
-    def Xform "coupler" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    { double3 xformOp:translate = (20, 0, 20)
-      float3 xformOp:scale = (2, 2, 2)
-      uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
-      BODY
-      quatf physics:principalAxes = (0.5, 0.5, 0.5, 0.5)
-      float physics:mass = 1.5
-      point3f physics:centerOfMass = (0.5, 0, 0) }
-    def Xform "rocker" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    { double3 xformOp:translate = (40, 0, 10)
-      uniform token[] xformOpOrder = ["xformOp:translate"]
-      BODY
-      float physics:mass = 1
-      point3f physics:centerOfMass = (0, 0, 2) }
-    def PhysicsRevoluteJoint "a" (prepend apiSchemas = ["PhysicsDriveAPI:angular"])
-    { uniform token physics:axis = "Y"
-      rel physics:body0 = </four/base>
-      rel physics:body1 = </four/crank>
-      point3f physics:localPos1 = (0, 0, -10)
-      float physics:lowerLimit = -60
-      float physics:upperLimit = 60
-      float drive:angular:physics:stiffness = 100
-      float drive:angular:physics:damping = 0
-      float drive:angular:physics:maxForce = 50000
-      float physxJoint:armature = 10 }
-    def PhysicsRevoluteJoint "b"
-    { uniform token physics:axis = "Y"
-      rel physics:body0 = </four/coupler>
-      rel physics:body1 = </four/crank>
-      point3f physics:localPos0 = (-10, 0, 0)
-      point3f physics:localPos1 = (0, 0, 10) }
-    def PhysicsRevoluteJoint "d"
-    { uniform token physics:axis = "Y"
-      rel physics:body0 = </four/base>
-      rel physics:body1 = </four/rocker>
-      point3f physics:localPos0 = (40, 0, 0)
-      point3f physics:localPos1 = (0, 0, -10) }
-    def PhysicsJoint "c" (prepend apiSchemas = ["PhysicsLimitAPI:rotX", "PhysicsLimitAPI:rotZ",
-        "PhysicsLimitAPI:transX", "PhysicsLimitAPI:transY", "PhysicsLimitAPI:transZ"])
-    { rel physics:body0 = </four/coupler>
-      rel physics:body1 = </four/rocker>
-      point3f physics:localPos0 = (10, 0, 0)
-      point3f physics:localPos1 = (0, 0, 10)
-      LOCKED
-      uniform bool physics:excludeFromArticulation = 1 }
-}
-"""
-# a closing brace stands on a line of its own
-STAGE = STAGE.replace(" }\n", "\n    }\n")
-STAGE = STAGE.replace("BODY", "float3 physics:diagonalInertia = (20, 30, 40)").replace(
-    "LOCKED",
-    "\n".join(
-        f"float limit:{of}:physics:{end} = {value}"
-        for of in ("rotX", "rotZ", "transX", "transY", "transZ")
-        for end, value in (("low", 1), ("high", -1))
-    ),
-)
-
-# the same by hand; the coupler's axes are turned, so that its moments are 40, 20, 30
-LINK = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
-<inertia ixx="{3}" iyy="{4}" izz="{5}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-HINGE = """<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/>
-<origin xyz="{3}"/><axis xyz="0 {4} 0"/>{5}</joint>"""
-FOUR = (
-    '<robot name="four" version="1.2">'
-    + LINK.format("base", "0 0 0", 2, 0.002, 0.003, 0.004)
-    + LINK.format("crank", "0 0 0.1", 1, 0.002, 0.003, 0.004)
-    + LINK.format("coupler", "0.21 0 0", 1.5, 0.004, 0.002, 0.003)
-    + LINK.format("rocker", "0 0 0.12", 1, 0.002, 0.003, 0.004)
-    + HINGE.format(
-        "a", "base", "crank", "0 0 0", 1, '<dynamics damping="0" rotor_inertia="0.001"/>'
-    )
-    + HINGE.format("b", "crank", "coupler", "0 0 0.2", -1, "")
-    + HINGE.format("d", "base", "rocker", "0.4 0 0", 1, "")
-    + "</robot>"
-)
-FOUR_LOOPS = """submechanisms:
-- contextual_name: bars
-  type: NUMERICAL
-  jointnames: [a, b, d]
-  jointnames_spanningtree: [a, b, d]
-  jointnames_active: [a]
-  jointnames_independent: [a]
-  loop_constraints:
-  - cut_joint: c
-    predecessor_body: coupler
-    predecessor_placement: {xyz: [0.4, 0, 0]}
-    successor_body: rocker
-    successor_placement: {xyz: [0, 0, 0.2]}
-    cut_joint_type: revolute
-    axis: [0, 1, 0]
-"""
 
 
 class Files(unittest.TestCase):
@@ -408,82 +298,6 @@ class Lua(Files):
         for read in (convert.text, convert.convert):
             with self.assertRaisesRegex(sarrus.LoadError, "pipe.lua: no file"):
                 read("pipe.lua")
-
-
-@unittest.skipUnless(HAS_USD, "not run: pip install usd-core")
-class Usd(Files):
-    def same(self, file: Path) -> None:
-        robot = sarrus.Robot.load(file)
-        by_hand = sarrus.Robot.from_text(FOUR, FOUR_LOOPS)
-        self.assertEqual(list(robot.independents), ["a"])
-        self.assertEqual(list(robot.actuators), ["a"])
-        for y in (-0.6, 0.0, 0.5):
-            found, wanted = (
-                np.ravel([of.mass_matrix([y])[0, 0], *of.inverse_dynamics([y], [0.7], [0.3])])
-                for of in (robot, by_hand)
-            )
-            # the numbers of a stage have single precision
-            np.testing.assert_allclose(found, wanted, rtol=1e-6)
-
-    def test_a_stage_in_centimetres_is_the_robot_that_is_written_by_hand(self):
-        self.same(self.file("four.usda", STAGE))
-
-    def test_a_binary_stage_is_the_same(self):
-        from pxr import Usd
-
-        Usd.Stage.Open(str(self.file("four.usda", STAGE))).Export(str(self.folder / "four.usdc"))
-        self.same(self.folder / "four.usdc")
-
-    def test_limits_drives_and_rotors_are_read_and_the_rest_is_told(self):
-        robot = convert.convert(self.file("four.usda", STAGE))
-        joint = robot.joints[0]
-        found = [joint.limit["lower"], joint.limit["upper"], joint.limit["effort"]]
-        np.testing.assert_allclose(found, [-np.pi / 3, np.pi / 3, 5.0], rtol=1e-6)
-        self.assertEqual(joint.is_driven, True)
-        self.assertTrue(any("its controller's" in note for note in robot.notes), robot.notes)
-        friction = STAGE.replace(
-            "float physxJoint:armature", "float physxJoint:jointFriction = 0.1\nfloat physxJoint:x"
-        )
-        self.refused("four.usda", friction, "physxJoint:jointFriction = 0.1")
-        robot = convert.convert(self.folder / "four.usda", lenient=True)
-        words = " ".join(robot.notes)
-        self.assertIn("physxJoint:jointFriction", words)
-        self.assertIn("physxJoint:x = 10.0 is left out", words)
-
-    def test_a_robot_without_a_joint_to_the_world_beside_one_with_it(self):
-        rocker = "rel physics:body1 = </four/rocker>"
-        base = "rel physics:body0 = </four/base>\n      "
-        world = STAGE.replace(base + rocker, rocker)
-        robot = convert.convert(self.file("four.usda", world))
-        kinds = {of.name: (of.kind, of.parent) for of in robot.joints}
-        self.assertEqual(kinds["d"], ("continuous", "world"))
-        self.assertEqual(kinds["floating_base"], ("floating", "world"))
-
-    def test_faults_are_named(self):
-        for old, new, words in (
-            ("float physics:mass = 1\n", "", "mass or inertia would come from its colliders"),
-            ("(20, 30, 40)", "(0, 0, 0)", "mass or inertia would come from its colliders"),
-            ('PhysicsRevoluteJoint "b"', 'PhysicsDistanceJoint "b"', "PhysicsDistanceJoint"),
-            ("body1 = </four/crank>", "body1 = </four/nothing>", "expected a prim"),
-            ("body1 = </four/crank>", "body1 = </four/base>", "expected two bodies"),
-            ("float limit:rotX:physics:low = 1", "", "the freedoms rotX rotY"),
-            ("lowerLimit = -60", "lowerLimit = 70", "locked"),
-            ("RigidBodyAPI", "NoBodyAPI", "no prim has PhysicsRigidBodyAPI"),
-            ("#usda 1.0", "#usda 9.9", ""),
-        ):
-            with self.subTest(words):
-                self.assertIn(old, STAGE)
-                self.refused("four.usda", STAGE.replace(old, new), words)
-
-    def test_layers_are_read_below_the_folder_or_an_included_one(self):
-        self.file("parts/four.usda", STAGE)
-        stage = '#usda 1.0\n( defaultPrim = "four"\n subLayers = [@{}@] )\n'
-        self.same(self.file("robot.usda", stage.format("parts/four.usda")))
-        inner = self.file("inner/robot.usda", stage.format("../parts/four.usda"))
-        with self.assertRaisesRegex(sarrus.LoadError, "--include-dir="):
-            convert.convert(inner)
-        robot = convert.convert(inner, [self.folder / "parts"])
-        self.assertEqual(len(robot.loops), 1)
 
 
 class WithoutPackages(Files):

@@ -78,7 +78,7 @@ class Robot:
     def note_gravity(self, gravity: Array) -> None:
         """Note a gravity, in axes of the root, that is not the usual one."""
         if np.abs(gravity - [0.0, 0.0, -9.81]).max() > 1e-6:
-            given = ",".join(number(of) for of in gravity)
+            given = ",".join(number(round(of, 9)) for of in gravity)
             self.notes.append(f"`gravity` is no part of a robot; give it as --gravity={given}")
 
     def check(self, where: str) -> None:

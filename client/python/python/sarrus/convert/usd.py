@@ -106,7 +106,9 @@ def checked_layers(pxr: Any, path: Path, include: list[Path]) -> list[Any]:
             raise LoadError(f"{file}: no file of USD, or none that can be read", [])
         # a reference inside of the layer has no name
         for name in filter(None, layers[file].GetCompositionAssetDependencies()):
-            inner = Path(layers[file].ComputeAbsolutePath(name)).absolute()
+            inner = Path(layers[file].ComputeAbsolutePath(name))
+            if not inner.is_absolute():
+                raise LoadError(f"{file}: it names {name}, which is not there", [])
             outer = Path(pxr.Ar.SplitPackageRelativePathOuter(str(inner))[0]).resolve()
             if not any(outer.is_relative_to(folder) for folder in allowed):
                 flag = f"--include-dir={outer.parent}"
@@ -170,9 +172,9 @@ class Stage:
             return None
         usd = self.pxr.Usd
         source = attribute.GetResolveInfo(usd.TimeCode.Default()).GetSource()
-        moves = attribute.GetNumTimeSamples() or (
-            hasattr(attribute, "HasSpline") and attribute.HasSpline()
-        )
+        # older releases have no splines
+        has_spline = getattr(attribute, "HasSpline", bool)()
+        moves = attribute.GetNumTimeSamples() or has_spline
         if moves and source != usd.ResolveInfoSourceDefault:
             raise self.fault(prim, f"{attribute.GetName()} has values at times only")
         return attribute.Get()
@@ -262,8 +264,10 @@ class Stage:
 
     def gravity(self) -> Array:
         """Gravity in the world [m/s²]: that of the first scene, or the usual one."""
-        down = np.zeros(3)
-        down["XYZ".index(str(self.pxr.UsdGeom.GetStageUpAxis(self.stage)))] = -1.0
+        up = str(self.pxr.UsdGeom.GetStageUpAxis(self.stage))
+        if up not in AXES:
+            raise LoadError(f"{self.path}: upAxis is {up!r}; expected Y or Z", [])
+        down = -AXES[up]
         for scene in self.prims:
             if scene.IsA(self.pxr.UsdPhysics.Scene):
                 given = self.vector(scene, "physics:gravityDirection", 0.0)
