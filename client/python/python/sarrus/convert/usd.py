@@ -73,17 +73,21 @@ def convert(path: Path, include: list[Path]) -> Robot:
     except ModuleNotFoundError as error:
         message = f"{path}: files of USD need a package: pip install usd-core"
         raise ModuleNotFoundError(message, name="pxr") from error
-    # held, so that the stage is of the layers that were checked
-    layers = checked_layers(pxr, path.absolute(), include)
     try:
+        # held, so that the stage is of the layers that were checked
+        layers = checked_layers(pxr, path.absolute(), include)
         return Stage(pxr, path, layers[0]).robot()
-    except pxr.Tf.ErrorException as error:
+    except (pxr.Tf.ErrorException, UnicodeError, RuntimeError) as error:
         raise LoadError(f"{path}: {words(error)}", []) from error
 
 
 def words(error: Exception) -> str:
     """The words of an error of USD, behind the place in its sources."""
-    return " ".join(str(error).split(" : ", 1)[-1].split()).strip("' ")
+    try:
+        said = str(error)
+    except UnicodeError:
+        return "a text that is not UTF-8"
+    return " ".join(said.split(" : ", 1)[-1].split()).strip("' ")
 
 
 def checked_layers(pxr: Any, path: Path, include: list[Path]) -> list[Any]:
@@ -245,7 +249,7 @@ class Stage:
             form = self.pxr.UsdGeom.Xformable(prim)
             if form:
                 steps = form.GetOrderedXformOps()
-                order = form.GetXformOpOrderAttr().Get() or []
+                order = self.typed(prim, "xformOpOrder", list, "names") or []
                 if len(steps) != len([of for of in order if of != "!resetXformStack!"]):
                     raise self.fault(prim, "a step of xformOpOrder that is not there")
                 for of in steps:
