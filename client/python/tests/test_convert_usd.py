@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import unittest
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,138 @@ FOUR_LOOPS = """submechanisms:
 """
 
 
+@dataclass
+class Hinged:
+    """A random body and the joint to its parent, as USD defines them; lengths in metres."""
+
+    parent: int
+    kind: str
+    axis: np.ndarray
+    # the parent is the second body of the joint
+    is_reversed: bool
+    frames: list[np.ndarray]
+    mass: float
+    com: np.ndarray
+    inertia: np.ndarray
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    """The rotation of a quaternion, by the turned axes."""
+    w, v = quaternion[0], quaternion[1:]
+    columns = [x + 2 * w * np.cross(v, x) + 2 * np.cross(v, np.cross(v, x)) for x in np.eye(3)]
+    return np.array(columns).T
+
+
+def random_tree(file: Path, seed: int) -> list[Hinged]:
+    """A stage of bodies in any poses, scales and units, with joints in any frames."""
+    from pxr import Gf, Usd, UsdGeom, UsdPhysics
+
+    of = np.random.default_rng(seed)
+    stage = Usd.Stage.CreateNew(str(file))
+    meter, kilogram = of.choice([1, 0.01]), of.choice([1, 0.001])
+    UsdGeom.SetStageMetersPerUnit(stage, meter)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, kilogram)
+
+    def three(size: float) -> np.ndarray:
+        return np.float32(of.normal(size=3) * size).astype(float)
+
+    def quaternion() -> np.ndarray:
+        v = of.normal(size=4)
+        return np.float32(v / np.linalg.norm(v)).astype(float)
+
+    root = UsdGeom.Xform.Define(stage, "/r")
+    root.AddOrientOp().Set(Gf.Quatf(*quaternion()))
+    bodies: list[Hinged] = []
+    scales: list[np.ndarray] = []
+    for k in range(4):
+        body = UsdGeom.Xform.Define(stage, f"/r/b{k}")
+        body.AddTranslateOp().Set(Gf.Vec3d(*three(1)))
+        body.AddOrientOp().Set(Gf.Quatf(*quaternion()))
+        scale = 1 + np.abs(three(1))
+        body.AddScaleOp().Set(Gf.Vec3f(*scale))
+        scale = np.float32(scale).astype(float)
+        UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+        mass = UsdPhysics.MassAPI.Apply(body.GetPrim())
+        com, axes, moments = three(0.3), quaternion(), 1 + 0.25 * k + np.array([0, 0.25, 0.5])
+        mass.CreateMassAttr(1.5 + k)
+        mass.CreateCenterOfMassAttr(Gf.Vec3f(*com))
+        mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
+        mass.CreatePrincipalAxesAttr(Gf.Quatf(*axes))
+        letter, parent = of.integers(3), of.integers(-1, k) if k else -1
+        kind, is_reversed = str(of.choice(["rot", "trans"])), bool(of.integers(2))
+        path, freedom = f"/r/j{k}", kind + "XYZ"[letter]
+        if of.integers(2):
+            joint = UsdPhysics.Joint.Define(stage, path)
+            for name in ("transX", "transY", "transZ", "rotX", "rotY", "rotZ"):
+                if name != freedom:
+                    limit = UsdPhysics.LimitAPI.Apply(joint.GetPrim(), name)
+                    limit.CreateLowAttr(1)
+                    limit.CreateHighAttr(-1)
+        else:
+            typed = UsdPhysics.RevoluteJoint if kind == "rot" else UsdPhysics.PrismaticJoint
+            joint = typed.Define(stage, path)
+            joint.CreateAxisAttr("XYZ"[letter])
+        scales.append(scale * meter)
+        frames = []
+        for end, index in enumerate((k, parent) if is_reversed else (parent, k)):
+            p, turn, frame = three(0.4), quaternion(), np.eye(4)
+            getattr(joint, f"CreateLocalPos{end}Attr")(Gf.Vec3f(*p))
+            getattr(joint, f"CreateLocalRot{end}Attr")(Gf.Quatf(*turn))
+            frame[:3, :3] = rotation(turn / np.linalg.norm(turn))
+            frame[:3, 3] = p * (scales[index] if index >= 0 else meter)
+            frames.append(frame)
+            if index >= 0:
+                getattr(joint, f"CreateBody{end}Rel")().SetTargets([f"/r/b{index}"])
+        r = rotation(axes / np.linalg.norm(axes))
+        inertia = r @ np.diag(moments) @ r.T * kilogram * meter**2
+        sizes = (1.5 + k) * kilogram, com * scale * meter, inertia
+        bodies.append(Hinged(parent, kind, np.eye(3)[letter], is_reversed, frames, *sizes))
+    stage.Save()
+    return bodies
+
+
+def poses(bodies: list[Hinged], q: np.ndarray) -> list[np.ndarray]:
+    """Poses of the bodies: the second frame of a joint moves in the first by q."""
+    found: list[np.ndarray] = []
+    for body, value in zip(bodies, q, strict=True):
+        moved = np.eye(4)
+        if body.kind == "rot":
+            moved[:3, :3] = rotation(np.append(np.cos(value / 2), np.sin(value / 2) * body.axis))
+        else:
+            moved[:3, 3] = value * body.axis
+        second = body.frames[0] @ moved @ np.linalg.inv(body.frames[1])
+        parent = found[body.parent] if body.parent >= 0 else np.eye(4)
+        found.append(parent @ (np.linalg.inv(second) if body.is_reversed else second))
+    return found
+
+
+def mass_matrix(bodies: list[Hinged], q: np.ndarray) -> np.ndarray:
+    """Σ m vᵀ v + ωᵀ I ω, with the rates of each coordinate by differences of poses."""
+    h = 1e-5
+    at, rates = poses(bodies, q), []
+    for unit in np.eye(len(q)):
+        ends = zip(at, poses(bodies, q + h * unit), poses(bodies, q - h * unit), strict=True)
+        rate = []
+        for (pose, high, low), body in zip(ends, bodies, strict=True):
+            d = (high - low) / (2 * h)
+            spin = pose[:3, :3].T @ d[:3, :3]
+            omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+            rate.append((d[:3, :3] @ body.com + d[:3, 3], omega))
+        rates.append(rate)
+    return np.array(
+        [
+            [
+                sum(
+                    of.mass * v @ w + a @ of.inertia @ b
+                    for of, (v, a), (w, b) in zip(bodies, left, right, strict=True)
+                )
+                for right in rates
+            ]
+            for left in rates
+        ]
+    )
+
+
 @unittest.skipUnless(HAS_USD, "not run: pip install usd-core")
 class Usd(Files):
     def file(self, name: str, text: str) -> Path:
@@ -217,6 +350,18 @@ class Usd(Files):
             convert.convert(inner)
         robot = convert.convert(inner, [self.folder / "parts"])
         self.assertEqual(len(robot.loops), 1)
+
+    def test_trees_in_any_frames_scales_and_units_have_the_energy_of_their_poses(self):
+        for seed in range(8):
+            file = self.folder / f"tree{seed}.usda"
+            bodies = random_tree(file, seed)
+            robot = sarrus.Robot.load(file)
+            q = np.random.default_rng(seed).uniform(-1, 1, 4)
+            order = [int(of[1:]) for of in robot.independents]
+            wanted = mass_matrix(bodies, q)
+            found = robot.mass_matrix(q[order])
+            error = np.abs(found - wanted[np.ix_(order, order)]).max() / np.abs(wanted).max()
+            self.assertLess(error, 1e-8, seed)
 
     def test_references_and_instances_are_read(self):
         text = PAIR.replace('def Xform "a"', 'def Xform "one" { def Xform "a"', 1)
