@@ -386,6 +386,13 @@ class Usd(Files):
             ("rel physxMimicJoint:rotX:referenceJoint = </j>;"
              "float physxMimicJoint:rotX:gearing = -3; float physxMimicJoint:rotX:offset = 90",
              1, (3.0, -np.pi / 2)),
+            (
+                "rel newton:mimicJoint = </j>; float newton:mimicCoef1 = 3; rel mjc:target = </j>;"
+                "rel physxMimicJoint:rotX:referenceJoint = </j>;"
+                "float physxMimicJoint:rotX:gearing = -3",
+                1,
+                (3.0, 0.0),
+            ),
             # three centimetres in a degree, four centimetres at zero
             ("rel physxMimicJoint:rotX:referenceJoint = </j>;"
              "float physxMimicJoint:rotX:gearing = 3; float physxMimicJoint:rotX:offset = 4",
@@ -469,6 +476,7 @@ class Usd(Files):
             ("TERMS # j", "float physics:lowerLimit = nan", "/j: physics:lowerLimit is nan"),
             ("TERMS # j", "quatf physics:localRot0 = (nan, 0, 0, 0)", "/j: physics:localRot0 is"),
             ("TERMS # j", "float newton:mimicCoef1 = 2", "/j: newton:mimicJoint names no joint"),
+            ("TERMS # j", "rel mjc:target = </j>", "/j: mjc:target"),
             ("TERMS # j", "rel newton:mimicJoint = </j>", "/j: newton:mimicJoint names no joint"),
         ):  # fmt: skip
             with self.subTest(words):

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from sarrus.convert.urdf import Array, Joint, Link, Loop, Robot, check_file, frame_of, inverse
+from sarrus.convert.layers import checked_layers, words
+from sarrus.convert.urdf import Array, Joint, Link, Loop, Robot, frame_of, inverse
 from sarrus.errors import LoadError
 
 WORLD = "world"
@@ -30,7 +31,17 @@ DYNAMIC: tuple[str, ...] = ("riction", "Damping", ":damping", "disableGravity", 
 DYNAMIC += ("frictionloss", "tiffness", "springref", "FrictionEffort", "FrictionCoefficient")
 DYNAMIC += ("velocityDependentResistance", "maxActuatorVelocity", "velocityLimit", "Limit", ":low")
 DYNAMIC += (":high", "newton:inertia", "mjc:target", "physxForce:force", "physxForce:torque")
-DYNAMIC += ("lockedPosAxis", "lockedRotAxis", "gearing", "referenceJoint", "mimicJoint")
+DYNAMIC += (
+    "mjc:coef2",
+    "mjc:coef3",
+    "mjc:coef4",
+    "mjc:polycoef",
+    "lockedPosAxis",
+    "lockedRotAxis",
+    "gearing",
+    "referenceJoint",
+    "mimicJoint",
+)
 HARMLESS: tuple[str, ...] = ("physics:velocity", "physics:angularVelocity", "startsAsleep")
 HARMLESS += ("collisionEnabled", "breakForce", "breakTorque", "IterationCount", "Threshold")
 HARMLESS += ("density", "simulationOwner")
@@ -79,46 +90,6 @@ def convert(path: Path, include: list[Path]) -> Robot:
         return Stage(pxr, path, layers[0]).robot()
     except (pxr.Tf.ErrorException, UnicodeError, RuntimeError) as error:
         raise LoadError(f"{path}: {words(error)}", []) from error
-
-
-def words(error: Exception) -> str:
-    """The words of an error of USD, behind the place in its sources."""
-    try:
-        said = str(error)
-    except UnicodeError:
-        return "a text that is not UTF-8"
-    return " ".join(said.split(" : ", 1)[-1].split()).strip("' ")
-
-
-def checked_layers(pxr: Any, path: Path, include: list[Path]) -> list[Any]:
-    """The layers that a file names, each only below the file's folder or an included one.
-
-    Paths are USD's own, which it shortens as texts; links count where they lead.
-    """
-    allowed = [folder.resolve() for folder in (path.parent, *include)]
-    todo, layers = [path], {}
-    while todo:
-        file = todo.pop()
-        if file in layers:
-            continue
-        try:
-            check_file(Path(pxr.Ar.SplitPackageRelativePathOuter(str(file))[0]))
-            layers[file] = pxr.Sdf.Layer.FindOrOpen(str(file))
-        except (pxr.Tf.ErrorException, OSError, ValueError) as error:
-            raise LoadError(f"{file}: {words(error)}", []) from error
-        if layers[file] is None:
-            raise LoadError(f"{file}: no file of USD, or none that can be read", [])
-        # a reference inside of the layer has no name
-        for name in filter(None, layers[file].GetCompositionAssetDependencies()):
-            inner = Path(layers[file].ComputeAbsolutePath(name))
-            if not inner.is_absolute():
-                raise LoadError(f"{file}: it names {name}, which is not there", [])
-            outer = Path(pxr.Ar.SplitPackageRelativePathOuter(str(inner))[0]).resolve()
-            if not any(outer.is_relative_to(folder) for folder in allowed):
-                flag = f"--include-dir={outer.parent}"
-                raise LoadError(f"{file}: it names {outer}, outside of its folder; {flag}", [])
-            todo.append(inner)
-    return list(layers.values())
 
 
 class Stage:
@@ -527,8 +498,11 @@ class Stage:
             if self.get(prim, "newton:mimicEnabled") is not False:
                 found.append(("newton:mimicJoint", factor, offset))
             self.read.add((prim.GetPath(), "newton:mimicJoint"))
-        if len(found) > 1:
-            raise self.fault(prim, f"it follows {' and '.join(of[0] for of in found)}")
+            ends = [prim.GetRelationship(of) for of in ("newton:mimicJoint", "mjc:target")]
+            if all(ends) and ends[0].GetTargets() == ends[1].GetTargets():
+                # MuJoCo's own words for the same
+                self.read.add((prim.GetPath(), "mjc:target"))
+        mimics: list[tuple[str, float, float]] = []
         for relation, factor, offset in found:
             self.read.add((prim.GetPath(), relation))
             targets = prim.GetRelationship(relation).GetTargets()
@@ -538,8 +512,13 @@ class Stage:
             if leader is None or not is_known or leader.kind not in kinds:
                 raise self.fault(prim, f"{relation} names no joint of the tree with one freedom")
             unit = self.unit(draft.kind)
-            return leader.name, factor * unit / self.unit(leader.kind), offset * unit
-        return None
+            mimics.append((leader.name, factor * unit / self.unit(leader.kind), offset * unit))
+        if any(
+            of[0] != mimics[0][0] or not np.allclose(of[1:], mimics[0][1:], 1e-5, 1e-7)
+            for of in mimics
+        ):
+            raise self.fault(prim, f"it follows {' and '.join(str(of) for of in mimics)}")
+        return mimics[0] if mimics else None
 
 
 def counts(name: str, value: Any) -> bool:
