@@ -209,7 +209,9 @@ fn include(
     let written = file.value.trim();
     let scheme = if is_sdf { written.find("://").map_or(0, |at| at + 3) } else { 0 };
     let mut path = PathBuf::from(&written[scheme..]);
-    if is_sdf && path.extension().is_none() {
+    let folders = [&files.folder].into_iter().chain(&files.roots);
+    let is_folder = folders.map(|of| of.join(&path)).any(|of| of.is_dir());
+    if is_sdf && (is_folder || path.extension().is_none()) {
         path.push("model.sdf");
     }
     let opened = files.open(&path, file.span, diagnostics);

@@ -567,5 +567,14 @@ fn models_of_other_files_are_included_below_the_folder_only() {
         assert!(found.contains(expected), "{expected}: {found}");
     }
     words(&outside, WHEEL, std::slice::from_ref(&folder)).unwrap();
+    // the name of a folder may have a dot, below the first file or below an included folder
+    fs::create_dir_all(folder.join("m/wheel.v2")).unwrap();
+    fs::create_dir_all(folder.join("far.v2")).unwrap();
+    fs::write(folder.join("m/wheel.v2/model.sdf"), WHEEL).unwrap();
+    fs::write(folder.join("far.v2/model.sdf"), WHEEL).unwrap();
+    words(&WHEELS.replace("model://wheel", "model://wheel.v2"), WHEEL, &[]).unwrap();
+    let far = WHEELS.replace("model://wheel", "model://far.v2");
+    assert!(words(&far, WHEEL, &[]).unwrap_err().contains("cannot be opened"));
+    words(&far, WHEEL, std::slice::from_ref(&folder)).unwrap();
     fs::remove_dir_all(folder).unwrap();
 }

@@ -79,6 +79,8 @@ impl Import {
         if !OF_PYTHON.iter().any(|of| ending == *of) {
             return Ok(None);
         }
+        std::fs::metadata(file)
+            .map_err(|error| LoadError::Open(file.display().to_string(), error.to_string()))?;
         let mut program = python("sarrus.convert");
         self.include_dir.iter().for_each(|of| _ = program.arg("--include-dir").arg(of));
         program.args(self.lenient.then_some("--lenient")).arg("--").arg(file);
@@ -124,7 +126,8 @@ fn in_words(report: &Report) -> String {
 fn python(module: &str) -> Command {
     let named = std::env::var_os("SARRUS_PYTHON").unwrap_or_else(|| "python3".into());
     let mut program = Command::new(named);
-    program.args(["-m", module]);
+    // without it modules come from the current folder first, which may be a robot's
+    program.args(["-m", module]).env("PYTHONSAFEPATH", "1");
     program
 }
 
@@ -153,7 +156,8 @@ fn output_of(program: &mut Command) -> Result<Vec<u8>, Failure> {
     }
     let status = child.wait().map_err(broken)?;
     if !status.success() {
-        return Err(Failure { code: 1, ..failed(status.to_string()) });
+        let code = if status.code() == Some(2) && package == "sarrus" { 2 } else { 1 };
+        return Err(Failure { code, ..failed(status.to_string()) });
     }
     text.and_then(|text| text.join().ok()).unwrap_or(Ok(Vec::new())).map_err(broken)
 }

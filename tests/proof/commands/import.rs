@@ -84,6 +84,34 @@ fn models_of_sdf_and_of_gepettos_tools_stand_where_a_urdf_does() {
     assert_eq!(run(&["import", &missing, "--out", &into], b"").code, Some(1));
 }
 
+/// A program in place of Python that says how it is called.
+#[test]
+fn files_of_python_end_as_others_do() {
+    let folder = Folder::new("import-python");
+    let program = folder.file("python", "");
+    fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+    let import = |name: &str, script: &str| {
+        fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
+        let mut command = Command::new(sarrus());
+        command.args(["import", name, "--out", &program.replace("/python", "/mine")]);
+        Run::of(command.env("SARRUS_PYTHON", &program), b"")
+    };
+    for ending in ["lua", "usda", "USDC"] {
+        let gone = import(&folder.file("gone", "").replace("gone", &format!("no.{ending}")), "");
+        assert_eq!(gone.code, Some(2), "{}", gone.err);
+        assert!(gone.err.contains("cannot open"), "{}", gone.err);
+        let file = folder.file(&format!("robot.{ending}"), "");
+        // no module of the current folder
+        let script = format!("test \"$PYTHONSAFEPATH\" = 1 && cat << 'END'\n{PLAIN}\nEND");
+        let done = import(&file, &script);
+        assert_eq!(done.code, Some(0), "{}", done.err);
+        fs::remove_dir_all(program.replace("/python", "/mine")).unwrap();
+        for (script, code) in [("exit 1", 1), ("exit 2", 2), ("exit 7", 1), ("kill -9 $$", 1)] {
+            assert_eq!(import(&file, script).code, Some(code), "{script}");
+        }
+    }
+}
+
 #[test]
 fn macros_are_expanded_by_the_program_xacro_on_request() {
     let folder = Folder::new("import-xacro");

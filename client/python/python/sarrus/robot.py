@@ -85,7 +85,7 @@ class Robot(TaskRobot):
         """
         options = parts(gravity, lenient, floating_base, lock, only)
         if convert.reads(urdf):
-            text = convert.convert(urdf, lenient=lenient).text()
+            text = convert.text(urdf, lenient=lenient)
             texts = _native.imported(urdf, text, lenient)
             if submechanisms is not None:
                 texts = text, Path(submechanisms).read_bytes()

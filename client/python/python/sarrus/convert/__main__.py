@@ -1,11 +1,41 @@
 """Print the URDF of a robot of Lua or USD."""
 
 import argparse
+import os
+import resource
 import sys
 from pathlib import Path
 
 from sarrus.convert import convert
 from sarrus.errors import Error
+
+# memory of a conversion [bytes], and its processor time [s]
+MEMORY = 4 << 30
+SECONDS = 60
+# most notes, and letters of one, that are printed
+NOTES = 1000
+LETTERS = 1000
+
+
+def limit() -> None:
+    """Bound what a hostile file can take: memory, time, and a dump after a crash."""
+    used = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    for kind, most in (
+        (resource.RLIMIT_DATA, used + MEMORY),
+        (resource.RLIMIT_CPU, SECONDS),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(kind)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(kind, (most, hard))
+    os.environ.setdefault("PXR_WORK_THREAD_LIMIT", "1")
+
+
+def shown(message: object) -> str:
+    """A message on one line, which moves no cursor."""
+    text = str(message)
+    text = "".join(of if of.isprintable() else "\N{REPLACEMENT CHARACTER}" for of in text[:LETTERS])
+    return text.encode(errors="replace").decode()
 
 
 def main() -> int:
@@ -24,14 +54,21 @@ def main() -> int:
         "--lenient", action="store_true", help="leave effects out that are not modelled"
     )
     of = parser.parse_args()
+    limit()
     try:
         robot = convert(of.file, of.include_dir, lenient=of.lenient)
+        text = robot.text()
     except (Error, OSError, ModuleNotFoundError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {shown(error)}", file=sys.stderr)
         return 1 if isinstance(error, Error) else 2
-    for note in robot.notes:
-        print(f"{of.file}: note: {note}", file=sys.stderr)
-    sys.stdout.buffer.write(robot.text())
+    except MemoryError:
+        print(f"error: {shown(of.file)}: it needs more memory than it may", file=sys.stderr)
+        return 1
+    for note in robot.notes[:NOTES]:
+        print(shown(f"{of.file}: note: {note}"), file=sys.stderr)
+    if len(robot.notes) > NOTES:
+        print(f"{len(robot.notes) - NOTES} more notes", file=sys.stderr)
+    sys.stdout.buffer.write(text)
     return 0
 
 

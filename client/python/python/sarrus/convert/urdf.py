@@ -1,7 +1,11 @@
 """A robot of another format as a URDF, with its loops in `<loop>` elements."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from stat import S_ISREG
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,6 +15,12 @@ from sarrus.errors import LoadError
 
 Array = NDArray[np.float64]
 Numbers = Sequence[float] | Array
+
+# largest file [bytes]
+MOST = 64 << 20
+
+# characters that XML does not have
+NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 # largest |RᵀR − 1| that counts as rounding of a file, which may hold four digits
 ROUNDING = 1e-3
@@ -65,6 +75,31 @@ class Robot:
     notes: list[str] = field(default_factory=list)
     effects: list[str] = field(default_factory=list)
 
+    def note_gravity(self, gravity: Array) -> None:
+        """Note a gravity, in axes of the root, that is not the usual one."""
+        if np.abs(gravity - [0.0, 0.0, -9.81]).max() > 1e-6:
+            given = ",".join(number(round(of, 9)) for of in gravity)
+            self.notes.append(f"`gravity` is no part of a robot; give it as --gravity={given}")
+
+    def check(self, where: str) -> None:
+        """Check names and numbers, from where they come."""
+        groups: list[list[Any]] = [[*self.links], [*self.joints, *self.loops]]
+        for parts in groups:
+            known: set[str] = set()
+            for part in parts:
+                if part.name in known or not part.name or NO_XML.search(part.name):
+                    raise LoadError(f"{where}: the name {part.name!r} is not one of its own", [])
+                known.add(part.name)
+        self.name = NO_XML.sub("_", self.name)
+        for part in (*groups[0], *groups[1]):
+            held: list[Any] = []
+            for of in vars(part).values():
+                held += of.values() if isinstance(of, dict) else [of]
+                held += of if isinstance(of, tuple) else []
+            kinds = (float, np.ndarray)
+            if not all(np.isfinite(of).all() for of in held if isinstance(of, kinds)):
+                raise LoadError(f"{where}: {part.name}: a number that is not finite", [])
+
     def text(self) -> bytes:
         """The URDF."""
         root = ElementTree.Element("robot", name=self.name, version="1.2")
@@ -107,6 +142,15 @@ class Robot:
                 ElementTree.SubElement(element, "actuator", name=joint.name)
         ElementTree.indent(root)
         return ElementTree.tostring(root, encoding="unicode").encode() + b"\n"
+
+
+def check_file(path: Path) -> None:
+    """Check that a path names a file, no pipe or device, and none of the largest."""
+    status = path.stat()
+    if not S_ISREG(status.st_mode):
+        raise LoadError(f"{path}: no file", [])
+    if status.st_size > MOST:
+        raise LoadError(f"{path}: more than {MOST >> 20} MiB", [])
 
 
 def number(value: float) -> str:
