@@ -41,7 +41,8 @@ mkdir -p "$place/sarrus" "$place/robot/src" "$place/robot/.cargo"
     cargo fetch --locked --quiet
     # cargo names the crates of the workspace by their folders
     cargo tree --locked --offline -p sarrus-dynamics -p sarrus-models -e normal,build \
-        --prefix none | sed -n "s|.*($root/\([^)]*\)).*|\1|p" | sort -u |
+        --prefix none >"$place/tree"
+    sed -n "s|.*($root/\([^)]*\)).*|\1|p" "$place/tree" | sort -u |
         xargs cp -RL --parents Cargo.toml -t "$place/sarrus"
 )
 cp "$root/tests/outside/main.rs" "$place/robot/src/main.rs"
@@ -59,10 +60,16 @@ sarrus-models = { path = "../sarrus/models" }
 [features]
 portable = ["sarrus-models/portable"]
 
-# as in the workspace, whose compiled dependencies then serve here too
+# as in the workspace, whose compiled dependencies then serve here too; the kernels are at 3 in
+# both
 [profile.release]
 codegen-units = 1
+
+[profile.release.package]
 END
+sed -n '/^\[profile.release.package\]/,/^$/p' "$root/Cargo.toml" |
+    awk 'NR == FNR { needed[$1] = 1; next } $1 in needed || $1 == "\"*\""' "$place/tree" - \
+        >>"$place/robot/Cargo.toml"
 cd "$place/robot"
 
 # (a) nothing given: the error says what to do

@@ -7,7 +7,7 @@ use std::cell::Cell;
 use sarrus_dynamics::scalar::Dd;
 use sarrus_dynamics::{Compiled, Field, Model, PlanScalar, Status, Workspace};
 use sarrus_tests::cases::{Case, robots};
-use sarrus_tests::plans::{every_plan, input};
+use sarrus_tests::plans::{every_plan, has_turn, input, motion};
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
@@ -50,7 +50,12 @@ fn the_counter_counts() {
     assert_eq!(calls() - before, 2);
 }
 
-fn run_all<T: PlanScalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
+/// Runs one in `share` of the plans of single fields, and of these one in three with bad inputs.
+fn run_all<T: PlanScalar>(
+    case: &Case,
+    model: &Model<T>,
+    (turn, share): (usize, usize),
+) -> Vec<Status> {
     let mut seeded = Seeded::new(case.seed);
     let mut robot = Robot::new(model.clone());
     let mut workspace = Workspace::new(model);
@@ -61,12 +66,19 @@ fn run_all<T: PlanScalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
         .zip(model.independent_q_names())
         .filter(|(_, name)| !name.contains('/'))
         .for_each(|(y, _)| *y = T::from_f64(2.7));
+    let motion = motion(&mut robot, &state);
     let mut seen = Vec::new();
-    for plan in every_plan(model, &mut seeded) {
-        let good = input(case, &mut robot, &plan, &state, &mut seeded);
-        let mut inputs =
-            vec![good.clone(), good.iter().map(|x| *x * T::from_f64(40.0)).collect(), vec![]];
-        if plan.given().slot(Field::Y).is_some() {
+    for (k, plan) in every_plan(model, &mut seeded).iter().enumerate() {
+        if !has_turn(plan, k + turn, share) {
+            continue;
+        }
+        let good = input(case, plan, &motion, &mut seeded);
+        let mut inputs = vec![good.clone(), vec![]];
+        let is_bad = has_turn(plan, (k + turn) / share, 3);
+        if is_bad {
+            inputs.push(good.iter().map(|x| *x * T::from_f64(40.0)).collect());
+        }
+        if is_bad && plan.given().slot(Field::Y).is_some() {
             let mut beyond = good.clone();
             beyond[plan.given().slot(Field::Y).unwrap().range()].copy_from_slice(&far.y);
             inputs.push(beyond);
@@ -91,11 +103,12 @@ fn run_all<T: PlanScalar>(case: &Case, model: &Model<T>) -> Vec<Status> {
 #[test]
 fn no_request_allocates_whatever_it_asks_and_however_it_ends() {
     let mut seen = Vec::new();
-    for case in robots().iter().take(9).chain(robots().iter().skip(9).step_by(8)) {
+    let cases = robots().iter().take(9).chain(robots().iter().skip(9).step_by(8));
+    for (turn, case) in cases.enumerate() {
         let Compiled { model, exact, .. } = &case.compiled;
-        seen.extend(run_all(case, model));
+        seen.extend(run_all(case, model, (turn, 1)));
         if case.seed % 3 == 0 {
-            seen.extend(run_all::<Dd>(case, exact));
+            seen.extend(run_all::<Dd>(case, exact, (turn, 6)));
         }
     }
     for status in Status::ALL {

@@ -12,8 +12,8 @@ use sarrus_dynamics::{
 };
 use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT};
 use sarrus_tests::cases::{Case, robots};
-use sarrus_tests::plans::{every_plan, input};
-use sarrus_tests::run::Robot;
+use sarrus_tests::plans::{every_plan, has_turn, input, motion};
+use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
 use crate::allocation::calls;
@@ -48,12 +48,23 @@ fn apart(layout: &Layout, rows: &[f64]) -> Vec<(Vec<f64>, usize)> {
     layout.slots().iter().map(|slot| (field(slot.range()), slot.range().len())).collect()
 }
 
-/// Rows for a plan; if `astray`, some are far away, unreachable or NaN.
-fn rows(case: &Case, plan: &Plan, n: usize, astray: bool, seeded: &mut Seeded) -> Vec<f64> {
+/// The motions of the first states of a robot.
+fn motions(case: &Case, n: usize) -> Vec<Fields<f64>> {
     let mut robot = Robot::new(case.compiled.model.clone());
+    (0..n).map(|k| motion(&mut robot, &case.state(k as u64))).collect()
+}
+
+/// A row for each motion; if `astray`, some are far away, unreachable or NaN.
+fn rows(
+    case: &Case,
+    plan: &Plan,
+    motions: &[Fields<f64>],
+    astray: bool,
+    seeded: &mut Seeded,
+) -> Vec<f64> {
     let mut rows = Vec::new();
-    for k in 0..n {
-        let mut row = input(case, &mut robot, plan, &case.state(k as u64), seeded);
+    for motion in motions {
+        let mut row = input(case, plan, motion, seeded);
         match seeded.below(12) {
             0 if astray => row.iter_mut().for_each(|x| *x *= 7.0),
             1 if astray => row.iter_mut().for_each(|x| *x *= 1e3),
@@ -87,20 +98,25 @@ fn alone(case: &Case, plan: &Plan, input: &[f64], n: usize) -> (Vec<f64>, Vec<An
 #[test]
 fn states_abreast_have_the_bits_that_each_has_alone() {
     let mut abreast = 0;
-    for case in robots().iter().take(24).chain(robots().iter().skip(24).step_by(12)) {
+    let n = 3 * LANES + 1;
+    let cases = robots().iter().take(24).chain(robots().iter().skip(24).step_by(12));
+    for (turn, case) in cases.enumerate() {
         let model = Arc::new(case.compiled.model.clone());
         let mut seeded = Seeded::new(case.seed + 9);
+        let motions = motions(case, n);
         // one workspace for every plan, as in a server
         let mut any = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
-        for plan in every_plan(&*model, &mut seeded) {
+        for (k, plan) in every_plan(&*model, &mut seeded).into_iter().enumerate() {
+            if !has_turn(&plan, k + turn, 4) {
+                continue;
+            }
             let mut batch = Batch::new(&model, &plan);
             // plans without lanes are covered by a few of them
             if batch.lanes() == 1 && seeded.below(20) > 0 {
                 continue;
             }
             abreast += usize::from(batch.lanes() > 1);
-            let n = 3 * LANES + 1;
-            let given = rows(case, &plan, n, true, &mut seeded);
+            let given = rows(case, &plan, &motions, true, &mut seeded);
             let (expected, answers) = alone(case, &plan, &given, n);
             let mut output = vec![0.2; expected.len()];
             let mut found = vec![UNKNOWN; n];
@@ -166,7 +182,7 @@ fn most_states_of_bundled_robots_are_answered_abreast() {
         let mut batch = Batch::new(&model, &plan);
         assert_eq!(batch.lanes(), if FUSED { LANES } else { 1 }, "{name}");
         let n = 64 * LANES;
-        let given = rows(&case, &plan, n, false, &mut seeded);
+        let given = rows(&case, &plan, &motions(&case, n), false, &mut seeded);
         let mut output = vec![0.0; n * plan.want().len()];
         let mut found = vec![UNKNOWN; n];
         batch.run(&given, &mut output, &mut found);
@@ -225,7 +241,8 @@ fn batches_of_a_robot_depend_on_no_thread() {
         let prepared = robot.plan(id).unwrap().clone();
         let plan = Plan::new(&case.compiled.model, prepared.query()).unwrap();
         let n = 1100;
-        let given = rows(&case, &plan, n, true, &mut Seeded::new(case.seed));
+        let motions = motions(&case, n);
+        let given = rows(&case, &plan, &motions, true, &mut Seeded::new(case.seed));
         let (expected, answers) = alone(&case, &plan, &given, n);
         for threads in [1, 2, 3, 2] {
             let mut output = vec![0.2; expected.len()];

@@ -7,7 +7,7 @@ use sarrus_dynamics::{
 use sarrus_models::{Options, Source, load};
 use sarrus_tests::cases::{Case, Ledger, robots};
 use sarrus_tests::compare::error_by_size;
-use sarrus_tests::plans::{every_plan, input};
+use sarrus_tests::plans::{every_plan, input, motion};
 use sarrus_tests::random::Text;
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
@@ -51,8 +51,9 @@ fn a_number_that_is_not_finite_is_refused_wherever_it_stands() {
         let mut seeded = Seeded::new(case.seed);
         let mut robot = Robot::new(model.clone());
         let mut workspace = Workspace::new(model);
+        let motion = motion(&mut robot, &case.state(0));
         for plan in every_plan(model, &mut seeded) {
-            let good = input(case, &mut robot, &plan, &case.state(0), &mut seeded);
+            let good = input(case, &plan, &motion, &mut seeded);
             let mut output = vec![0.0; plan.want().len()];
             for slot in plan.given().slots().iter().filter(|slot| !slot.range().is_empty()) {
                 for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -75,9 +76,10 @@ fn a_failed_answer_holds_no_number_and_a_good_one_no_nan() {
         let mut robot = Robot::new(model.clone());
         let mut workspace = Workspace::new(model);
         let plans = every_plan(model, &mut seeded);
+        let motion = motion(&mut robot, &case.state(1));
         for _ in 0..60 {
             let plan = &plans[seeded.below(plans.len())];
-            let mut numbers = input(case, &mut robot, plan, &case.state(1), &mut seeded);
+            let mut numbers = input(case, plan, &motion, &mut seeded);
             // from near by to very far and huge
             let size = [1.0, 3.0, 30.0, 1e3, 1e9, 1e150][seeded.below(6)];
             numbers.iter_mut().for_each(|x| *x *= size * seeded.within(0.5, 1.0));

@@ -5,7 +5,7 @@ use sarrus_dynamics::{Answer, Field, FieldSet, Model, Plan, Query, Request, Stat
 use sarrus_dynamics::{Warnings, Workspace};
 use sarrus_proto::Rows;
 use sarrus_tests::cases::{Case, robots};
-use sarrus_tests::plans::{every_plan, input};
+use sarrus_tests::plans::{every_plan, input, motion};
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
@@ -121,9 +121,10 @@ fn an_answer_in_part_has_the_bits_of_the_whole() {
         let mut workspace = Workspace::new(model);
         // plans that want every field at once
         let plans = every_plan(model, &mut seeded);
+        let motions = [0, 1].map(|k| motion(&mut robot, &case.state(k)));
         for large in plans.iter().filter(|plan| plan.query().want.iter().count() > 8) {
-            for k in 0..2 {
-                let input = input(case, &mut robot, large, &case.state(k), &mut seeded);
+            for motion in &motions {
+                let input = input(case, large, motion, &mut seeded);
                 let full = answer(model, &mut workspace, large, &input);
                 if full.answer.status != Status::Ok {
                     continue;

@@ -1,10 +1,12 @@
 //! Every kind of request on a model, with inputs for it.
 
+use std::sync::OnceLock;
+
 use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, PlanScalar, Query, Request};
 
 use crate::cases::{Case, State};
-use crate::run::Robot;
+use crate::run::{Fields, Robot};
 use crate::seed::Seeded;
 
 /// Plans of every request from every space, each for all fields at once and for each field alone,
@@ -90,31 +92,45 @@ fn givens(request: Request) -> Vec<Vec<Field>> {
     }
 }
 
-/// Input of a plan at a state.
+/// The motion at a state in every space, from which [`input`] takes its numbers.
+pub fn motion<T: PlanScalar>(robot: &mut Robot<T>, state: &State<T>) -> Fields<T> {
+    use Field::*;
+    let given = [(Y, state.y.as_slice()), (Yd, &state.yd), (Ydd, &state.ydd)];
+    robot.ask(Request::Kinematics, &given, &[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd])
+}
+
+/// Input of a plan at a motion.
 pub fn input<T: PlanScalar>(
     case: &Case,
-    robot: &mut Robot<T>,
     plan: &Plan,
-    state: &State<T>,
+    motion: &Fields<T>,
     seeded: &mut Seeded,
 ) -> Vec<T> {
     use Field::*;
-    let motion = [(Y, state.y.as_slice()), (Yd, &state.yd), (Ydd, &state.ydd)];
-    let known = robot.ask(Request::Kinematics, &motion, &[Y, Yd, Ydd, Q, Qd, Qdd, U, Ud, Udd]);
     let mut input = vec![T::ZERO; plan.given().len()];
     for slot in plan.given().slots() {
         let to = &mut input[slot.range()];
         match slot.field {
-            QGuess => to.copy_from_slice(known.get(Q)),
-            QdGuess => to.copy_from_slice(known.get(Qd)),
+            QGuess => to.copy_from_slice(motion.get(Q)),
+            QdGuess => to.copy_from_slice(motion.get(Qd)),
             Dt | Gain | Direction | Multipliers => {
                 to.fill_with(|| T::from_f64(seeded.within(0.0, 1.0)))
             }
             TauQ | TauY | TauU | Wrenches | Observer => {
                 to.fill_with(|| T::from_f64(seeded.within(-1.0, 1.0) * case.scale.powi(4) * 100.0))
             }
-            field => to.copy_from_slice(known.get(field)),
+            field => to.copy_from_slice(motion.get(field)),
         }
     }
     input
+}
+
+/// True for a plan of several fields, and for one in `n` of the plans of one field, which differ
+/// from it by the steps that they leave out: each has its turn on every n-th robot. With
+/// `SARRUS_THOROUGH` all plans are taken.
+pub fn has_turn(plan: &Plan, number: usize, n: usize) -> bool {
+    static THOROUGH: OnceLock<bool> = OnceLock::new();
+    plan.query().want.iter().count() > 1
+        || number.is_multiple_of(n)
+        || *THOROUGH.get_or_init(|| std::env::var_os("SARRUS_THOROUGH").is_some())
 }

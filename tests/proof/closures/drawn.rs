@@ -9,7 +9,7 @@ use sarrus_tests::rigid::{Vector, add, cross, dot, norm, unit};
 use sarrus_tests::run::{Fields, Robot};
 use sarrus_tests::seed::Seeded;
 
-use super::{X, Y_AXIS, Z, agrees, answers, compile, numerical, share, unnamed};
+use super::{X, Y_AXIS, Z, agrees, answers, compile, numerical, robots, share, unnamed};
 use Field::*;
 
 /// Points of a crank-rocker: crank pivot, crank pin, coupler pin, rocker pivot; out of the plane by
@@ -291,14 +291,16 @@ fn mechanisms_of_named_types_are_found_by_their_geometry() {
                 continue;
             }
             found += 1;
+            let (mut mine_of, _) = robots(&form);
+            let (mut newtons_of, _) = robots(&newton);
             let mut seeded = Seeded::new(seed + 300);
             for _ in 0..20 {
                 let mut at = |size: f64| -> Vec<f64> {
                     draft.reach.iter().map(|x| size * x * seeded.within(-1.0, 1.0)).collect()
                 };
                 let (y, yd) = (at(1.0), at(3.0));
-                let mine = answers(&form.model, &y, &yd);
-                let newtons = answers(&newton.model, &y, &yd);
+                let mine = answers(&mut mine_of, &y, &yd);
+                let newtons = answers(&mut newtons_of, &y, &yd);
                 assert_eq!(mine.is_some(), newtons.is_some(), "seed {seed} at {y:?}");
                 let Some((mine, newtons)) = mine.zip(newtons) else { continue };
                 let cast = |x: (Fields<f64>, Fields<f64>)| (x.0.map(Dd::from), x.1.map(Dd::from));

@@ -11,7 +11,7 @@ use sarrus_tests::rigid::{Vector, unit};
 use sarrus_tests::run::Robot;
 use sarrus_tests::seed::Seeded;
 
-use super::{X, Y_AXIS, Z, answers, numerical, share};
+use super::{X, Y_AXIS, Z, answers, numerical, robots, share};
 use Field::*;
 
 /// A chain of drivers and pairs of links; any pin of a pair is the cut one. With `sliders` one
@@ -131,6 +131,8 @@ fn compared(seeds: u64, sliders: bool) -> [usize; 3] {
         }
         assert!(is_all(&methods(&newton), "newton"), "seed {seed}");
         assert!(parts.iter().all(|part| part.rows == 2 && part.joints.len() == 2), "{parts:?}");
+        let (mut mine_of, mut exact_of) = robots(&form);
+        let (mut newtons_of, _) = robots(&newton);
         let mut seeded = Seeded::new(seed + 900);
         count[0] += 1;
         for k in 0..100 {
@@ -140,7 +142,7 @@ fn compared(seeds: u64, sliders: bool) -> [usize; 3] {
             let y = at(0.7);
             let yd = at(1.0);
             let (mine, newtons) =
-                match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
+                match (answers(&mut mine_of, &y, &yd), answers(&mut newtons_of, &y, &yd)) {
                     (Some(mine), Some(newtons)) => (mine, newtons),
                     (mine, newtons) => {
                         assert!(mine.is_none() && newtons.is_none(), "seed {seed} at {y:?}");
@@ -157,7 +159,7 @@ fn compared(seeds: u64, sliders: bool) -> [usize; 3] {
             // both are rounded; where they differ more, the reference says which one is off
             let apart = share(&mine, &newtons, 2.0 * epsilon, draft.scale);
             if k % 20 == 0 || apart > 1.0 {
-                let exact = answers::<Dd>(&form.exact, &y, &yd).expect("a pose of doubles");
+                let exact = answers(&mut exact_of, &y, &yd).expect("a pose of doubles");
                 worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
                 count[2] += 1;
             } else {

@@ -8,7 +8,7 @@ use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add};
 use sarrus_tests::run::Robot;
 
-use super::{X, Y_AXIS, Z, answers, compile, numerical};
+use super::{X, Y_AXIS, Z, answers, compile, numerical, robots};
 use Field::*;
 
 /// One parallelogram or two on each other; `off` is the error of the first one's shape.
@@ -63,8 +63,8 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         assert_eq!(form.model.closures()[0].kind, ClosureKind::Analytic);
         let y = [0.4, -0.3];
         let yd = [1.0, -2.0];
-        let mine = answers(&form.model, &y, &yd).unwrap();
-        let reference = answers(&newton.model, &y, &yd).unwrap();
+        let mine = answers(&mut robots(&form).0, &y, &yd).unwrap();
+        let reference = answers(&mut robots(&newton).0, &y, &yd).unwrap();
         assert!(mine.0.get(GBias).iter().all(|x| *x == 0.0));
         assert!(
             mine.0.get(G).iter().all(|x| x.abs() < 1e-15 || (x.abs() - 1.0).abs() < 1e-15),
@@ -82,7 +82,7 @@ fn parallelograms_are_linear_and_only_parallelograms_are() {
         // a small error is corrected by Newton's method, a larger one also reported
         let polished = compile(&parallelograms(seed, seed % 4 == 0, 1e-5).description());
         assert_eq!(polished.model.closures()[0].kind, ClosureKind::Analytic);
-        let state = answers(&polished.model, &y, &yd).unwrap();
+        let state = answers(&mut robots(&polished).0, &y, &yd).unwrap();
         assert!(
             state.0.get(Residual)[0] < 1e-12 && largest(state.0.get(GBias)) > 0.0,
             "{:?}",

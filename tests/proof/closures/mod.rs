@@ -43,17 +43,22 @@ fn numerical(description: &Description) -> Compiled {
 
 const STATE: [Field; 9] = [Q, Qd, Qdd, G, GBias, K, KBias, Residual, CondKd];
 
+/// The robots of a description in double and double-double.
+fn robots(of: &Compiled) -> (Robot<f64>, Robot<Dd>) {
+    (Robot::new(of.model.clone()), Robot::new(of.exact.clone()))
+}
+
 fn answers<T: PlanScalar>(
-    model: &Model<T>,
+    robot: &mut Robot<T>,
     y: &[f64],
     yd: &[f64],
 ) -> Option<(Fields<T>, Fields<T>)> {
-    answers_near(model, None, y, yd)
+    answers_near(robot, None, y, yd)
 }
 
 /// `answers` from a guess of q.
 fn answers_near<T: PlanScalar>(
-    model: &Model<T>,
+    robot: &mut Robot<T>,
     guess: Option<&[T]>,
     y: &[f64],
     yd: &[f64],
@@ -64,7 +69,6 @@ fn answers_near<T: PlanScalar>(
     let ydd = yd.clone();
     let mut motion: Vec<(Field, &[T])> = vec![(Y, &y), (Yd, &yd), (Ydd, &ydd)];
     motion.extend(guess.map(|guess| (QGuess, guess)));
-    let mut robot = Robot::new(model.clone());
     let state = robot.ask(Request::Kinematics, &motion, &STATE);
     let forces = robot.ask(Request::InverseDynamics, &motion, &[TauQ, TauY, Lambda]);
     (state.answer.status == Status::Ok).then(|| (state, forces.ok()))
@@ -137,6 +141,8 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
         if straight {
             assert!(info.misfit < 1e-30, "seed {seed}: misfit {} of exact numbers", info.misfit);
         }
+        let (mut mine_of, mut exact_of) = robots(&form);
+        let (mut newtons_of, mut newtons_exact_of) = robots(&newton);
         let mut seeded = Seeded::new(seed + 500);
         for _ in 0..4 {
             let y: Vec<f64> =
@@ -145,7 +151,7 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
                 draft.reach.iter().map(|reach| 3.0 * reach * seeded.within(-1.0, 1.0)).collect();
             // both methods reach the same targets
             let (mine, newtons) =
-                match (answers(&form.model, &y, &yd), answers(&newton.model, &y, &yd)) {
+                match (answers(&mut mine_of, &y, &yd), answers(&mut newtons_of, &y, &yd)) {
                     (Some(mine), Some(newtons)) => (mine, newtons),
                     (mine, newtons) => {
                         assert!(
@@ -155,8 +161,8 @@ fn agrees(draft: impl Fn(u64, bool) -> Draft) {
                         continue;
                     }
                 };
-            let exact = answers::<Dd>(&form.exact, &y, &yd).unwrap();
-            let newtons_exact = answers::<Dd>(&newton.exact, &y, &yd).unwrap();
+            let exact = answers(&mut exact_of, &y, &yd).unwrap();
+            let newtons_exact = answers(&mut newtons_exact_of, &y, &yd).unwrap();
             let rounded = (mine.0.map(Dd::from), mine.1.map(Dd::from));
             let newtons = (newtons.0.map(Dd::from), newtons.1.map(Dd::from));
             let double = |a: &(Fields<Dd>, Fields<Dd>), b: &(Fields<Dd>, Fields<Dd>)| {

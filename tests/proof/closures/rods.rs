@@ -9,7 +9,7 @@ use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add, cross, unit};
 use sarrus_tests::seed::Seeded;
 
-use super::{Fields, X, Y_AXIS, Z, answers, answers_near, numerical, share};
+use super::{Fields, X, Y_AXIS, Z, answers, answers_near, numerical, robots, share};
 
 /// A platform on six rods from three cranks, parallel pairs or not; cranks, or joints of the
 /// platform, are independent. The universal joint of a rod is at either end.
@@ -85,6 +85,8 @@ fn rods_hold_distances_as_their_three_rows_do() {
         let of_newton = parts.iter().filter(|part| part.method == "newton");
         assert_eq!(of_newton.map(|part| part.rows).sum::<usize>(), 6, "{parts:?}");
         count[0] += 1;
+        let (mut mine_of, mut exact_of) = robots(&form);
+        let (mut newtons_of, _) = robots(&newton);
         let mut seeded = Seeded::new(seed + 70);
         for k in 0..200 {
             let mut at = || -> Vec<f64> {
@@ -93,8 +95,8 @@ fn rods_hold_distances_as_their_three_rows_do() {
             let y = at();
             let yd = at();
             let cast = |x: (Fields<f64>, Fields<f64>)| (x.0.map(Dd::from), x.1.map(Dd::from));
-            let mine = answers(&form.model, &y, &yd).map(cast);
-            let newtons = answers(&newton.model, &y, &yd).map(cast);
+            let mine = answers(&mut mine_of, &y, &yd).map(cast);
+            let newtons = answers(&mut newtons_of, &y, &yd).map(cast);
             let (mine, newtons) = match (mine, newtons) {
                 (Some(mine), Some(newtons)) => (mine, newtons),
                 // near the end of the reach one of both may give up before the other
@@ -110,7 +112,7 @@ fn rods_hold_distances_as_their_three_rows_do() {
             if k % 20 == 0 {
                 // without a table it might not find the way from the zero pose
                 let near = Some(mine.0.get(Q));
-                let exact = answers_near(&form.exact, near, &y, &yd).expect("a pose of doubles");
+                let exact = answers_near(&mut exact_of, near, &y, &yd).expect("a pose of doubles");
                 worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
                 count[2] += 1;
             }
@@ -130,6 +132,8 @@ fn delta_and_active_ankle_stand_where_all_of_their_rows_have_them() {
     for (name, reach) in [("delta", 0.9), ("active_ankle", 0.6)] {
         let Case { description, compiled, .. } = Case::bundled(name);
         let newton = numerical(&description);
+        let (mut mine_of, _) = robots(&compiled);
+        let (mut rows_of, mut exact_of) = robots(&newton);
         let mut seeded = Seeded::new(41);
         for k in 0..5000 {
             let y = seeded.numbers(3, reach);
@@ -137,14 +141,14 @@ fn delta_and_active_ankle_stand_where_all_of_their_rows_have_them() {
             let cast = |x: Option<(Fields<f64>, Fields<f64>)>| {
                 x.map(|x| (x.0.map(Dd::from), x.1.map(Dd::from)))
             };
-            let mine = cast(answers(&compiled.model, &y, &yd));
-            let rows = cast(answers(&newton.model, &y, &yd));
+            let mine = cast(answers(&mut mine_of, &y, &yd));
+            let rows = cast(answers(&mut rows_of, &y, &yd));
             assert_eq!(mine.is_some(), rows.is_some(), "{name} at {y:?}");
             let Some((mine, rows)) = mine.zip(rows) else { continue };
             let epsilon = 64.0 / 100.0 * <f64 as Real>::EPSILON;
             worst = worst.max(share(&mine, &rows, 2.0 * epsilon, 0.3));
             if k % 50 == 0 {
-                let exact = answers::<Dd>(&newton.exact, &y, &yd).expect("a pose of doubles");
+                let exact = answers(&mut exact_of, &y, &yd).expect("a pose of doubles");
                 worst = worst.max(share(&mine, &exact, epsilon, 0.3));
             }
             assert!(worst <= 1.0, "{name} at {y:?}: {worst}");
