@@ -2,7 +2,8 @@
 
 `SARRUS_FUZZ=100000 python -m unittest test_convert_fuzz` tries as many of each format, from seed
 `SARRUS_FUZZ_SEED` on. Inputs are tried in a process that is started again where a reader in C ends
-it by a signal, which `convert.text` must report as an error.
+it by a signal or takes too long, which `convert.text` must report as an error. Only damaged binary
+stages do so.
 """
 
 import importlib.util
@@ -29,8 +30,8 @@ from test_convert_usd import HEAD, PAIR, STAGE
 
 COUNT = int(os.environ.get("SARRUS_FUZZ", "250"))
 SEED = int(os.environ.get("SARRUS_FUZZ_SEED", "1"))
-# longest time of an input [s], and memory of all [bytes]
-LONGEST = 60
+# longest processor time of an input [s], and memory of all [bytes]
+LONGEST = 20
 MEMORY = 4 << 30
 
 NUMBERS = ["0", "-1", "1", "2", "0.5", "1e308", "-1e-320", "1e400", "nan", "inf", "-inf", "1e18"]
@@ -147,7 +148,7 @@ def work(kind: str, seeds: range, folder: Path) -> None:
     for seed in seeds:
         file = given(kind, seed, folder)
         print(json.dumps([seed, "started"]), flush=True)
-        signal.alarm(LONGEST)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST)
         print(json.dumps([seed, outcome(file, seed % 2 == 0)]), flush=True)
 
 
@@ -174,11 +175,13 @@ class Fuzz(unittest.TestCase):
                 first = lines[-1][0] + 1
                 if lines[-1][1] == "started":
                     seed = lines[-1][0]
-                    message = f"{kind}, seed {seed}: it takes more than {LONGEST} s"
-                    self.assertNotEqual(done.returncode, -signal.SIGALRM, message)
-                    with self.assertRaises(sarrus.LoadError):
-                        convert.text(given(kind, seed, folder), lenient=seed % 2 == 0)
-                    counts["ended by a signal"] += 1
+                    end = f"ended with {done.returncode}"
+                    self.assertEqual(kind, "usdc", f"{kind}, seed {seed}: {end}")
+                    # the first of a kind, since it takes the longest time that is allowed
+                    if not counts[end]:
+                        with self.assertRaises(sarrus.LoadError):
+                            convert.text(given(kind, seed, folder), lenient=seed % 2 == 0)
+                    counts[end] += 1
         print(f"{kind}: {COUNT} inputs from seed {SEED}: {dict(counts)}")
         self.assertEqual(counts.total(), COUNT)
 

@@ -14,7 +14,7 @@ MEMORY = 4 << 30
 SECONDS = 60
 # most notes, and letters of one, that are printed
 NOTES = 1000
-LETTERS = 1000
+LETTERS = 20_000
 
 
 def limit() -> None:
@@ -34,7 +34,8 @@ def limit() -> None:
 def shown(message: object) -> str:
     """A message on one line, which moves no cursor."""
     text = str(message)
-    text = "".join(of if of.isprintable() else "\N{REPLACEMENT CHARACTER}" for of in text[:LETTERS])
+    text = text if len(text) <= LETTERS else f"{text[:LETTERS]} …"
+    text = "".join(of if of.isprintable() else "\N{REPLACEMENT CHARACTER}" for of in text)
     return text.encode(errors="replace").decode()
 
 
