@@ -5,7 +5,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
-use super::picture::{NARROW, PARTS_OF_A_LINE, WIDE, colours, picture, points, sign};
+use super::picture::{NARROW, PARTS_OF_A_LINE, WIDE, colours, marked, picture, points, sign};
 use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
 
@@ -14,7 +14,7 @@ const FIRST: [&str; 2] = ["-id", "-fd"];
 /// Most rows of a table on the page; its file has all.
 const ROWS: usize = 30;
 
-/// The content security policy: the page loads nothing.
+/// The content security policy: the page loads nothing and runs its own script alone.
 const POLICY: &str = include_str!("policy.txt");
 
 /// The whole page.
@@ -59,7 +59,7 @@ fn document(title: &str, body: &Markup) -> String {
                 title { (title) }
                 style { (PreEscaped(style)) }
             }
-            body { (body) }
+            body { (body) script { (PreEscaped(include_str!("page.js"))) } }
         }
     };
     markup.into_string()
@@ -161,9 +161,12 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
     let wide = picture(figure, WIDE)?;
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
+    let mut marks = Vec::new();
     for (k, series) in
         figure.series.iter().enumerate().filter(|(_, series)| points(series).next().is_some())
     {
+        let place = signs.len();
+        marks.extend(marked(series).iter().map(|(x, y)| format!("{place} {x:.3e} {y:.3e}")));
         signs.push((sign(Some((k, series.line)))?, series.name.as_str()));
     }
     if figure.series.iter().any(|series| series.competes) {
@@ -174,7 +177,7 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
     let table = figure_table(figure);
     let is_long = figure.series.iter().any(|of| of.line && of.points.len() > PARTS_OF_A_LINE);
     Ok(html! {
-        figure id=(figure.id) {
+        figure id=(figure.id) data-marks=[wide.as_ref().map(|_| marks.join(";"))] {
             h3 { (figure.title) }
             @match (&wide, &narrow) {
                 (Some(wide), Some(narrow)) => {

@@ -76,6 +76,13 @@ pub(super) fn points(series: &Series) -> impl Iterator<Item = (f64, f64)> {
         .filter(|(x, y)| x.is_finite() && y.is_finite())
 }
 
+/// The points of a series that have a mark: not all of a line.
+pub(super) fn marked(series: &Series) -> Vec<(f64, f64)> {
+    let all = largest(series);
+    let stride = if series.line { all.len().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
+    all.into_iter().step_by(stride).collect()
+}
+
 /// The points of a series, of a long line the largest of each part.
 fn largest(series: &Series) -> Vec<(f64, f64)> {
     let all: Vec<(f64, f64)> = points(series).collect();
@@ -118,9 +125,7 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
         )])?;
     }
     for (k, series) in figure.series.iter().enumerate() {
-        let all = largest(series);
-        let stride = if series.line { all.len().div_ceil(MARKS_OF_A_LINE).max(1) } else { 1 };
-        for (a, b) in all.into_iter().step_by(stride) {
+        for (a, b) in marked(series) {
             for outline in form(k, size.mark) {
                 chart.draw_series([EmptyElement::at((x.place(a), y.place(b)))
                     + Polygon::new(outline, colour(k).filled())])?;

@@ -9,6 +9,8 @@ use super::data::json;
 use super::html::page;
 use super::*;
 
+const SCRIPT: &str = include_str!("page.js");
+
 /// Two sections with all kinds of content, and names that would break the page unescaped.
 fn report() -> Report {
     let point = |x: f64, y: f64| Point { x, y, label: "tolerance <1e-3> & \"more\"".into() };
@@ -82,9 +84,12 @@ fn report() -> Report {
     }
 }
 
-/// The page with the elements that HTML leaves open closed: the rest of it is XML.
+/// The page with the elements that HTML leaves open closed and without its script: the rest of it is
+/// XML.
 fn as_xml(page: &str) -> String {
     let page = page.strip_prefix("<!DOCTYPE html>").unwrap();
+    let page = page.replacen(&format!("<script>{SCRIPT}</script>"), "", 1);
+    assert_eq!(page.matches("<script").count(), 0);
     let mut parts = page.split("<meta ");
     let mut text = parts.next().unwrap().to_owned();
     for part in parts {
@@ -94,13 +99,28 @@ fn as_xml(page: &str) -> String {
 }
 
 #[test]
+fn the_policy_lets_a_browser_run_the_script_of_the_page_alone() {
+    let code = "import base64, hashlib, sys; print(base64.b64encode(hashlib.sha256(\
+        sys.argv[1].encode()).digest()).decode())";
+    let python = std::process::Command::new("python3").args(["-c", code, SCRIPT]).output().unwrap();
+    let hash = String::from_utf8(python.stdout).unwrap();
+    let text = page(&report()).unwrap();
+    let policy = format!("script-src 'sha256-{}'", hash.trim());
+    assert!(text.contains(&policy.replace('\'', "&#39;")) || text.contains(&policy), "{policy}");
+    // marks in the order of the legend, with their numbers
+    assert!(
+        text.contains("data-marks=\"0 1.000e2 1.000e-15;0 5.000e1 0.000e0;1 9.000e2 1.000e-8\"")
+    );
+}
+
+#[test]
 fn the_page_is_well_formed_and_loads_nothing() {
     let text = page(&report()).unwrap();
     let text = as_xml(&text);
     let read = roxmltree::Document::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     for node in read.descendants().filter(roxmltree::Node::is_element) {
         assert!(
-            !["script", "img", "link", "iframe", "object"].contains(&node.tag_name().name()),
+            !["img", "link", "iframe", "object"].contains(&node.tag_name().name()),
             "{}",
             node.tag_name().name()
         );

@@ -19,6 +19,7 @@ pub(super) const URDF: Target = Target {
         let mut seeds = corpus!(
             "urdf/terms.urdf",
             "urdf/couplings.urdf",
+            "urdf/curves.urdf",
             "urdf/balls.urdf",
             "urdf/loops.urdf",
             "urdf/compounds.urdf"
@@ -68,6 +69,8 @@ pub(super) const URDF: Target = Target {
         "\u{feff}",
         "\u{0}",
         "<depends_on joint=\"j\" multiplier=\"2\"/>",
+        "polynomial=\"0 1e9 -2\"",
+        "table=\"0 0 1 1 2 4\"",
         "ü",
         "\u{202e}",
         "\u{85}",
@@ -176,6 +179,7 @@ pub(super) const MJCF: Target = Target {
         "<equality><connect body1=\"a\" body2=\"b\"/></equality>",
         "<weld body1=\"a\"/>",
         "<joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1\"/>",
+        "<joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1 -2 0.1 3\"/>",
         "<motor joint=\"j\" gear=\"2\"/>",
         "<compiler angle=\"radian\" autolimits=\"false\"/>",
         "inertiafromgeom=\"true\"",
