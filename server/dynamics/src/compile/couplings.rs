@@ -82,8 +82,8 @@ impl Relation {
 /// rounded.
 const ROUNDING: f64 = 1e-12;
 
-/// The closure of a cluster whose every row is a coupling; `None` for others and where the couplings
-/// do not give the dependents one after the other.
+/// The closure of a cluster whose every row is a coupling; `None` for others and where the
+/// couplings do not give the dependents one after the other.
 pub(super) fn couplings(cluster: &Cluster<Dd>) -> Option<Coupling<Dd>> {
     if cluster.n_q != cluster.n {
         return None;

@@ -84,8 +84,8 @@ fn report() -> Report {
     }
 }
 
-/// The page with the elements that HTML leaves open closed and without its script: the rest of it is
-/// XML.
+/// The page with the elements that HTML leaves open closed and without its script: the rest of it
+/// is XML.
 fn as_xml(page: &str) -> String {
     let page = page.strip_prefix("<!DOCTYPE html>").unwrap();
     let page = page.replacen(&format!("<script>{SCRIPT}</script>"), "", 1);

@@ -362,7 +362,7 @@ fn jacobian<'a, T: Real>(
     }
 }
 
-/// The bias that belongs to [`constraint_jacobian`], from q, q̇ and the rates of the bodies at q̈ = 0.
+/// The bias that belongs to [`constraint_jacobian`], from q, q̇ and the bodies' rates at q̈ = 0.
 pub(crate) fn constraint_bias<T: Real>(
     cluster: &Cluster<T>,
     pose: &[Pose<T>],
