@@ -159,7 +159,9 @@ fn compare_with_joints<S: PlanScalar>(case: &Case, model: &Model<S>, ledger: &mu
         info.closures.iter().flat_map(|of| &of.idle).map(|x| &x[..]).collect();
     for (j, coupling) in joints.iter().filter_map(|x| Some((x, x.coupling.as_ref()?))) {
         held.push(&j.name);
-        held.extend(coupling.terms.iter().map(|(master, _)| &joints[*master].name[..]));
+        let curves = coupling.curves.iter().map(|(master, _)| master);
+        let masters = coupling.terms.iter().map(|(master, _)| master).chain(curves);
+        held.extend(masters.map(|master| &joints[*master].name[..]));
     }
     for (n, joint) in info.joints().enumerate() {
         let described = joints.iter().find(|x| x.name == joint.name).unwrap();
