@@ -21,9 +21,8 @@ fn check<T: PlanScalar>(
     let mut robot = Robot::new(model.clone());
     let motions = [0, 1].map(|k| motion(&mut robot, &case.state(k)));
     let plans = every_plan(model, &mut seeded).into_iter().enumerate();
-    let plans: Vec<_> = plans
-        .filter_map(|(k, plan)| has_turn(&plan, k + turn, share).then_some(plan))
-        .collect();
+    let plans: Vec<_> =
+        plans.filter_map(|(k, plan)| has_turn(&plan, k + turn, share).then_some(plan)).collect();
     let jobs: Vec<(usize, Vec<T>)> = (0..plans.len())
         .flat_map(|p| (0..2).map(move |k| (p, k)))
         .map(|(p, k)| {
