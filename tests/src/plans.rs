@@ -21,9 +21,13 @@ pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
 pub fn some_plans<T: Real>(model: &Model<T>, seeded: &mut Seeded, count: usize) -> Vec<Plan> {
     let questions = questions();
     let mut drawn = Vec::new();
-    for _ in 0..count {
+    let mut found = 0;
+    // a question may have no plan on the robot
+    while found < count {
         let (request, given) = &questions[seeded.below(questions.len())];
-        drawn.append(&mut plans(model, *request, given, seeded));
+        let mut plans = plans(model, *request, given, seeded);
+        found += usize::from(!plans.is_empty());
+        drawn.append(&mut plans);
     }
     drawn
 }
