@@ -107,7 +107,7 @@ fn states_abreast_have_the_bits_that_each_has_alone() {
         // one workspace for every plan, as in a server
         let mut any = BatchWorkspace::new(&model, MAX_NUMBERS_IN, MAX_NUMBERS_OUT);
         for (k, plan) in every_plan(&*model, &mut seeded).into_iter().enumerate() {
-            if !has_turn(&plan, k + turn, 4) {
+            if !has_turn(&plan, k + turn, 8) {
                 continue;
             }
             let mut batch = Batch::new(&model, &plan);

@@ -12,36 +12,58 @@ use crate::seed::Seeded;
 /// Plans of every request from every space, each for all fields at once and for each field alone,
 /// with frames and wrenches on some links.
 pub fn every_plan<T: Real>(model: &Model<T>, seeded: &mut Seeded) -> Vec<Plan> {
-    use Field::*;
-    let mut plans = Vec::new();
-    let link = |seeded: &mut Seeded| seeded.below(model.link_names().len()) as u16;
-    for request in Request::ALL {
-        for given in givens(*request) {
-            let base = Query::new(*request, FieldSet::of(&given), FieldSet::EMPTY)
-                .with_frames(&[link(seeded), link(seeded)]);
-            let base = if given.contains(&Wrenches) {
-                base.with_wrenches(&[link(seeded), link(seeded)])
-            } else {
-                base
-            };
-            // they are slow to find among many parameters
-            let is_quick =
-                |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 50;
-            let single: Vec<Plan> = Field::ALL
-                .iter()
-                .filter(is_quick)
-                .filter_map(|field| with(model, base, FieldSet::of(&[*field])))
-                .collect();
-            let all = single
-                .iter()
-                .fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.query().want.0));
-            let without = FieldSet(all.0 & !FieldSet::of(&[JacobianActuator, TauU]).0);
-            plans
-                .extend([with(model, base, all), with(model, base, without)].into_iter().flatten());
-            plans.extend(single);
-        }
+    let of = |(request, given): (Request, Vec<Field>)| plans(model, request, &given, seeded);
+    questions().into_iter().flat_map(of).collect()
+}
+
+/// The plans of [`every_plan`] from this many requests and spaces, drawn by chance: most of the
+/// thousands of queries on a robot are refused, which takes longer than to answer the others.
+pub fn some_plans<T: Real>(model: &Model<T>, seeded: &mut Seeded, count: usize) -> Vec<Plan> {
+    let questions = questions();
+    let mut drawn = Vec::new();
+    let mut found = 0;
+    // a question may have no plan on the robot
+    while found < count {
+        let (request, given) = &questions[seeded.below(questions.len())];
+        let mut plans = plans(model, *request, given, seeded);
+        found += usize::from(!plans.is_empty());
+        drawn.append(&mut plans);
     }
-    plans
+    drawn
+}
+
+/// Every request with all that may be given for it.
+fn questions() -> Vec<(Request, Vec<Field>)> {
+    let of = |request: Request| givens(request).into_iter().map(move |given| (request, given));
+    Request::ALL.iter().copied().flat_map(of).collect()
+}
+
+fn plans<T: Real>(
+    model: &Model<T>,
+    request: Request,
+    given: &[Field],
+    seeded: &mut Seeded,
+) -> Vec<Plan> {
+    use Field::*;
+    let mut link = || seeded.below(model.link_names().len()) as u16;
+    let base =
+        Query::new(request, FieldSet::of(given), FieldSet::EMPTY).with_frames(&[link(), link()]);
+    let base = match given.contains(&Wrenches) {
+        true => base.with_wrenches(&[link(), link()]),
+        false => base,
+    };
+    // they are slow to find among many parameters
+    let is_quick = |field: &&Field| **field != BaseParameters || model.sizes().n_parameters() < 50;
+    let single: Vec<Plan> = Field::ALL
+        .iter()
+        .filter(is_quick)
+        .filter_map(|field| with(model, base, FieldSet::of(&[*field])))
+        .collect();
+    let all =
+        single.iter().fold(FieldSet::EMPTY, |all, plan| FieldSet(all.0 | plan.query().want.0));
+    let without = FieldSet(all.0 & !FieldSet::of(&[JacobianActuator, TauU]).0);
+    let together = [with(model, base, all), with(model, base, without)];
+    together.into_iter().flatten().chain(single).collect()
 }
 
 fn with<T: Real>(model: &Model<T>, mut query: Query, want: FieldSet) -> Option<Plan> {

@@ -42,6 +42,9 @@ impl Environment {
             .env("PYTHONPATH", &self.package)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env("PYTHONUNBUFFERED", "1")
+            // threads of OpenBLAS wait in a loop for each other, beside other tests ten times as long
+            // as they compute
+            .env("OPENBLAS_NUM_THREADS", "1")
             // fault logs lie with the package and not in the user's home
             .env("XDG_STATE_HOME", self.package.join("state"));
         command
