@@ -448,7 +448,9 @@ impl Pen {
         let s = &mut self.seeded;
         if s.chance(0.5) {
             let n = 2 + s.below(5);
-            let mut coefficients: Vec<f64> = (0..n).map(|_| s.within(-0.7, 0.7)).collect();
+            // curves of curves stay within a few turns
+            let coefficient = |k: i32| s.within(-0.7, 0.7) * 0.25_f64.powi(k);
+            let mut coefficients: Vec<f64> = (0..n as i32).map(coefficient).collect();
             let about = if through_zero { 0.0 } else { s.within(-0.5, 0.5) };
             if through_zero {
                 coefficients[0] = 0.0;
@@ -456,8 +458,10 @@ impl Pen {
             return Curve::Polynomial { about, coefficients };
         }
         let n = 1 + s.below(4);
+        let slope = s.within(-0.5, 0.5);
         let point = |k: i32, s: &mut Seeded| {
-            [0.4 * f64::from(k) + s.within(-0.1, 0.1), s.within(-0.5, 0.5)]
+            let x = 0.4 * f64::from(k) + s.within(-0.1, 0.1);
+            [x, slope * x + s.within(-0.05, 0.05)]
         };
         let mut points: Vec<[f64; 2]> = (-(n as i32)..=n as i32).map(|k| point(k, s)).collect();
         if through_zero {
