@@ -41,7 +41,10 @@ fn check<T: PlanScalar>(
         let status = plans[*p].run(model, workspace, numbers, &mut output);
         (status, output.into_iter().map(&bits).collect::<Vec<_>>())
     };
-    let fresh: Vec<_> = jobs.iter().map(|job| answer(job, &mut Workspace::new(model))).collect();
+    // with room for the plan alone
+    let fresh =
+        |job: &(usize, Vec<T>)| answer(job, &mut Workspace::for_plans(model, [&plans[job.0]]));
+    let fresh: Vec<_> = jobs.iter().map(fresh).collect();
     let mut workspace = Workspace::new(model);
     for _ in 0..2 {
         for k in seeded.order(jobs.len()) {
