@@ -41,10 +41,8 @@ fn check<T: PlanScalar>(
         let status = plans[*p].run(model, workspace, numbers, &mut output);
         (status, output.into_iter().map(&bits).collect::<Vec<_>>())
     };
-    // with room for the plan alone
-    let fresh =
-        |job: &(usize, Vec<T>)| answer(job, &mut Workspace::for_plans(model, [&plans[job.0]]));
-    let fresh: Vec<_> = jobs.iter().map(fresh).collect();
+    let blank = Workspace::new(model);
+    let fresh: Vec<_> = jobs.iter().map(|job| answer(job, &mut blank.clone())).collect();
     let mut workspace = Workspace::new(model);
     for _ in 0..2 {
         for k in seeded.order(jobs.len()) {
