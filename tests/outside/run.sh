@@ -67,9 +67,13 @@ codegen-units = 1
 
 [profile.release.package]
 END
+# `"*"` means the crates of the project too, of which those without a level are at 3
 sed -n '/^\[profile.release.package\]/,/^$/p' "$root/Cargo.toml" |
-    awk 'NR == FNR { needed[$1] = 1; next } $1 in needed || $1 == "\"*\""' "$place/tree" - \
-        >>"$place/robot/Cargo.toml"
+    awk 'NR == FNR { needed[$1] = 1; next }
+        $1 in needed || $1 == "\"*\""
+        { delete needed[$1] }
+        END { for (name in needed) if (name ~ /^sarrus-/) print name " = { opt-level = 3 }" }' \
+        "$place/tree" - >>"$place/robot/Cargo.toml"
 cd "$place/robot"
 
 # (a) nothing given: the error says what to do

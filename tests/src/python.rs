@@ -42,8 +42,8 @@ impl Environment {
             .env("PYTHONPATH", &self.package)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env("PYTHONUNBUFFERED", "1")
-            // threads of OpenBLAS wait in a loop for each other, beside other tests ten times as
-            // long as they compute
+            // threads of OpenBLAS wait in a loop for each other; beside other tests that takes ten
+            // times as long as they compute
             .env("OPENBLAS_NUM_THREADS", "1")
             // fault logs lie with the package and not in the user's home
             .env("XDG_STATE_HOME", self.package.join("state"));
