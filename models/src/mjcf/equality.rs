@@ -140,7 +140,7 @@ impl<'e> Equalities<'e, '_> {
     /// first = Σ c_k second^k of two joints, in coordinates that are zero in the file's pose.
     fn bend(&mut self, item: &Item<'_>, name: &str, coefficients: Vec<f64>) -> Option<()> {
         let [follower, master] = ["joint1", "joint2"].map(|key| {
-            let terms = if item.tag() == "joint" { self.terms(item, key)? } else { Vec::new() };
+            let terms = self.terms(item, key)?;
             self.tree.joint(&terms.first()?.0)
         });
         let of = self.tree.joints.get(master?)?.name.clone();

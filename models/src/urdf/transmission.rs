@@ -4,7 +4,7 @@
 use roxmltree::Node;
 
 use sarrus_dynamics::description::{Curve, JointKind};
-use sarrus_dynamics::{curve_at, curve_fault};
+use sarrus_dynamics::{curve_fault, table_fit};
 
 use super::Urdf;
 use super::joint::{Master, master};
@@ -76,13 +76,7 @@ fn curve<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Option<Curve> {
         reader.diagnostics.error(reader.span(node), found, expected, "correct its numbers");
         return None;
     }
-    if let Curve::Table(points) = &curve {
-        let at = |[x, y]: &[f64; 2]| {
-            let [f, _, second, _] = curve_at(&curve, *x);
-            [(f - y).abs(), second.abs()]
-        };
-        let [off, bend] =
-            points.iter().map(at).fold([0.0, 0.0], |[a, b]: [f64; 2], [c, d]| [a.max(c), b.max(d)]);
+    if let (Curve::Table(points), Some([off, bend])) = (&curve, table_fit(&curve)) {
         let found = format!(
             "the curve through a table of {} points leaves them by {off:.1e}; its second \
              derivative reaches {bend:.3}",

@@ -18,7 +18,7 @@ pub(crate) struct Coupling<T> {
     pub(crate) M: Vec<T>,
     /// b (n).
     pub(crate) b: Vec<T>,
-    /// Curves in an order in which the joint of each is known, and what they move (n).
+    /// Curves, each after those that move its joint, and their shares in the joints (n).
     pub(crate) curves: Vec<(Curve<T>, Vec<T>)>,
     /// Newton's method on the true rows, for loops that are only nearly parallelograms.
     pub(crate) polish: Option<Numerical<T>>,

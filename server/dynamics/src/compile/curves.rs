@@ -9,8 +9,19 @@ use crate::mechanism::values;
 const MOST_POINTS: usize = 256;
 
 /// f and its first three derivatives at x; not finite where points of a table are too close.
-pub fn curve_at(curve: &Curve, x: f64) -> [f64; 4] {
+pub(crate) fn curve_at(curve: &Curve, x: f64) -> [f64; 4] {
     values(&pieces(curve), x)
+}
+
+/// How far the curve of a table is from its points at most, and the size of its second derivative
+/// there.
+pub fn table_fit(curve: &Curve) -> Option<[f64; 2]> {
+    let Curve::Table(points) = curve else { return None };
+    let pieces = pieces(curve);
+    Some(points.iter().fold([0.0, 0.0], |[off, bend], [x, y]| {
+        let [f, _, second, _] = values(&pieces, *x);
+        [f64::max(off, (f - y).abs()), f64::max(bend, second.abs())]
+    }))
 }
 
 /// Numbers that a curve must have and has not.

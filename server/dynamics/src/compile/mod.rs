@@ -40,7 +40,8 @@ use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
 pub use canonical::{fitting_types, loops_of};
-pub use curves::{curve_at, curve_fault};
+pub(crate) use curves::curve_at;
+pub use curves::{curve_fault, table_fit};
 pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};

@@ -18,7 +18,7 @@ LETTERS = 20_000
 
 
 def limit() -> None:
-    """Bound what a hostile file can take: memory, time, and a dump after a crash."""
+    """Bound memory and time of a hostile file, and leave no dump after a crash."""
     used = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     for kind, most in (
         (resource.RLIMIT_DATA, used + MEMORY),
