@@ -64,7 +64,7 @@ impl Request {
     }
 
     /// The fields that a request of this kind can give.
-    pub(crate) const fn inputs(self) -> FieldSet {
+    pub const fn inputs(self) -> FieldSet {
         const MOTION: FieldSet = VELOCITY.with(Ydd).with(Qdd).with(Udd);
         const VELOCITY: FieldSet = STATE.with(Directions).with(GainsU);
         const STATE: FieldSet = FieldSet::of(&[Y, Yd, Q, Qd, U, Ud, QGuess, QdGuess]);

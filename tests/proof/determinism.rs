@@ -41,8 +41,8 @@ fn check<T: PlanScalar>(
         let status = plans[*p].run(model, workspace, numbers, &mut output);
         (status, output.into_iter().map(&bits).collect::<Vec<_>>())
     };
-    let blank = Workspace::new(model);
-    let fresh: Vec<_> = jobs.iter().map(|job| answer(job, &mut blank.clone())).collect();
+    let blank = |p: usize| Workspace::for_plans(model, [&plans[p]]);
+    let fresh: Vec<_> = jobs.iter().map(|job| answer(job, &mut blank(job.0))).collect();
     let mut workspace = Workspace::new(model);
     for _ in 0..2 {
         for k in seeded.order(jobs.len()) {

@@ -7,7 +7,7 @@ use super::orders::order;
 use super::*;
 
 /// A body in free flight with an arm of two joints and a ball joint.
-fn satellite(gravity: f64) -> Robot {
+pub(super) fn satellite(gravity: f64) -> Robot {
     let link = |name: &str, mass: f64, at: &str| {
         format!(
             "<link name=\"{name}\"><inertial><origin xyz=\"{at}\" rpy=\"0.1 0.2 0.3\"/><mass \

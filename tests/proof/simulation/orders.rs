@@ -4,6 +4,8 @@ use sarrus_simulation::{Source, Space};
 use sarrus_tests::compare::largest;
 use sarrus_tests::small::minus;
 
+use super::floating::satellite;
+use super::switching::slider_crank;
 use super::*;
 
 /// Order of a fixed-step method between two steps, against the finest one.
@@ -177,4 +179,36 @@ fn samples_and_kinks_that_force_the_steps_do_not_hide_the_error() {
     }
     robot.inputs.push(Input { space: Space::Actuator, source: Source::Table { times, forces } });
     check(&robot, fixed(Method::RungeKutta, 0.4, 1.0));
+}
+
+#[test]
+fn rows_within_a_step_cost_no_steps_and_keep_the_error_of_the_steps() {
+    let flying = (satellite(-9.81), {
+        let y = [0.1, -0.2, 0.3, 0.0, 0.6, 0.0, 0.8, 0.4, -0.3, 0.36, 0.48, 0.0, 0.8];
+        from(&y, &[0.5, -2.0, 1.5, 0.3, 0.1, -0.4, 2.0, -1.0, 0.7, 1.5, -1.0])
+    });
+    // its independents change on the way
+    let turning = (slider_crank("NUMERICAL", "slide"), from(&[0.0], &[-0.5]));
+    let torso = (Robot::bundled("torso"), from(&[0.05, -0.04], &[0.3, 0.2]));
+    for (robot, start) in [torso, flying, turning] {
+        for tolerance in [1e-5, 1e-10] {
+            let settings = adaptive(Method::Dop853, tolerance, 0.5);
+            let whole = robot.run(&start, &settings);
+            let rows = robot.run(&start, &Settings { every: Some(1e-3), ..settings });
+            let exact = Settings { rtol: 1e-13, atol: 1e-13, every: Some(1e-3), ..settings };
+            let exact = robot.run(&start, &Settings { method: Method::Radau5, ..exact });
+            arrived(&rows);
+            assert_eq!(rows.samples.len(), 501);
+            assert_eq!(rows.counts.steps, whole.counts.steps);
+            assert_eq!(rows.counts.evaluations, whole.counts.evaluations + 499);
+            let error = |k: usize| {
+                let [a, b] = [&rows.samples[k], &exact.samples[k]];
+                assert!((a.time - b.time).abs() < 1e-15);
+                largest(&minus(&a.q, &b.q)).max(largest(&minus(&a.qd, &b.qd)))
+            };
+            let most = (0..501).map(error).fold(0.0, f64::max);
+            println!("{tolerance:e} {most:e} {:e} {:?}", error(500), rows.counts);
+            assert!(most < 300.0 * tolerance, "{tolerance:e}: {most:e}");
+        }
+    }
 }

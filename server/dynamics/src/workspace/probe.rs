@@ -1,15 +1,13 @@
 //! Scratch for computing a doubtful answer again and counting its correct digits.
 
-use sarrus_proto::{Field, MAX_WRENCHES};
+use sarrus_proto::{Field, MAX_DIRECTIONS, MAX_FRAMES, MAX_WRENCHES, Request};
 
 use crate::model::Model;
 use crate::scalar::{Dd, Real};
 use crate::workspace::{Needs, Workspace};
 
-/// Longest output that a workspace for any plan has room for.
-const LONGEST: usize = 1 << 16;
-/// Frames that it has room for.
-const FRAMES: usize = 4;
+/// Longest output whose digits are counted, in every workspace: 16 MiB.
+const LONGEST: usize = 1 << 20;
 
 /// A model, a workspace and the numbers of one request over [`Dd`].
 #[derive(Clone, Debug)]
@@ -21,12 +19,11 @@ pub(crate) struct Probe {
 }
 
 impl Probe {
-    /// For plans of up to some size on this model, `None` for scalars without one. Allocates.
+    /// For every plan on this model, `None` for scalars without one. Allocates.
     pub(crate) fn for_any_plan<T: Real>(model: &Model<T>, needs: Needs) -> Option<Box<Probe>> {
-        let output = Field::ALL
-            .iter()
-            .fold(0_usize, |sum, field| sum.saturating_add(numbers(model, field, FRAMES)));
-        Probe::new(model, needs, longest_input(model), output.min(LONGEST))
+        let output =
+            Field::ALL.iter().fold(0_usize, |sum, field| sum.saturating_add(most(model, *field)));
+        Probe::new(model, needs, longest_input(model), output)
     }
 
     /// For plans of up to these counts of numbers. Allocates.
@@ -42,7 +39,7 @@ impl Probe {
                 workspace: Workspace::sized(&model, needs),
                 model,
                 input: vec![Dd::ZERO; input],
-                output: vec![Dd::ZERO; output],
+                output: vec![Dd::ZERO; output.min(LONGEST)],
             })
         })
     }
@@ -62,13 +59,15 @@ fn moved(x: f64) -> Dd {
     Dd::from(f64::from_bits(bits.wrapping_add_signed(step)))
 }
 
-/// More numbers than any plan but a search is given; a search closes nothing apart.
+/// More numbers than any plan is given.
 pub(crate) fn longest_input<C>(model: &Model<C>) -> usize {
-    let is_input = |field: &&Field| **field <= Field::Wrenches || **field == Field::GainsU;
-    Field::ALL.iter().filter(is_input).map(|field| numbers(model, field, 0)).sum()
+    let is_input = |field: &&Field| Request::ALL.iter().any(|r| r.inputs().has(**field));
+    Field::ALL.iter().filter(is_input).map(|field| most(model, *field)).sum()
 }
 
-fn numbers<C>(model: &Model<C>, field: &Field, frames: usize) -> usize {
-    let (rows, columns) = field.shape(&model.sizes(), frames, MAX_WRENCHES);
-    rows.saturating_mul(columns)
+/// The most numbers of a field.
+fn most<C>(model: &Model<C>, field: Field) -> usize {
+    let (rows, columns) = field.shape(&model.sizes(), MAX_FRAMES, MAX_WRENCHES);
+    let each = if field.has_direction_rows() { MAX_DIRECTIONS } else { 1 };
+    rows.saturating_mul(columns).saturating_mul(each)
 }

@@ -4,6 +4,7 @@
 use std::cell::RefCell;
 
 use differential_equations::error::Error;
+use differential_equations::interpolate::Interpolation;
 use differential_equations::methods::{DormandPrince, ExplicitRungeKutta, Ordinary};
 use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
 use sarrus_dynamics::Status;
@@ -37,6 +38,8 @@ pub(crate) struct Dop853 {
     first: f64,
     method: Option<Box<Method>>,
     failures: u32,
+    /// An evaluation behind the last step failed, and the next step makes it again.
+    stale: bool,
     /// Looks in a row that found it stiff, and whether they were enough once.
     found: u32,
     stiff: bool,
@@ -82,7 +85,8 @@ impl Dop853 {
 
 impl Stepper for Dop853 {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
-        let mut method = match self.method.take().map_or_else(|| self.start(engine, *t, x), Ok) {
+        let under_way = self.method.take().filter(|_| !self.stale);
+        let mut method = match under_way.map_or_else(|| self.start(engine, *t, x), Ok) {
             Ok(method) => method,
             Err(attempt) => return attempt,
         };
@@ -115,8 +119,8 @@ impl Stepper for Dop853 {
                         method.set_h(longer);
                     }
                     self.first = method.h();
-                    // an evaluation behind the step that failed is made again
-                    self.method = failure.is_none().then_some(method);
+                    self.stale = failure.is_some();
+                    self.method = Some(method);
                     return Attempt::Done;
                 }
                 // the end of the step itself has no answer
@@ -145,6 +149,29 @@ impl Stepper for Dop853 {
 
     fn restart(&mut self) {
         self.method = None;
+    }
+
+    fn is_dense(&self) -> bool {
+        true
+    }
+
+    /// By the polynomial of order seven H(s) + s² (1 − s)² Q(s), where H is the cubic through both
+    /// ends. The crate takes Q(1 − s) for Q(s), so it is asked at the mirrored time.
+    fn within(&mut self, t: f64, [first, last]: [&[f64]; 2]) -> Option<Vec<f64>> {
+        let method = self.method.as_mut().filter(|_| !self.stale)?;
+        let (from, to) = (method.t_prev(), method.t());
+        let (h, after) = (to - from, t - from);
+        let mirrored = method.interpolate((to - after).clamp(from, to)).ok()?;
+        let (start, end) = (method.y_prev(), method.y());
+        let cubic = |i: usize, s: f64| {
+            let change = end[i] - start[i];
+            let bend = h * first[i] - change;
+            let rest = change - h * last[i] - bend;
+            start[i] + s * (change + (1.0 - s) * (bend + s * rest))
+        };
+        let s = after / h;
+        let x = mirrored.iter().enumerate();
+        Some(x.map(|(i, x)| x + (cubic(i, s) - cubic(i, 1.0 - s))).collect())
     }
 
     fn finds_stiff(&self) -> bool {

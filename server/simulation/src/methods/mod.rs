@@ -33,6 +33,16 @@ pub(crate) trait Stepper {
     /// history.
     fn restart(&mut self);
 
+    /// True where states within a step are interpolated; others step onto each row.
+    fn is_dense(&self) -> bool {
+        false
+    }
+
+    /// x at a time within the last step, from ẋ at its ends.
+    fn within(&mut self, _t: f64, _rates: [&[f64]; 2]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// True once the method has found the problem stiff, which it is not made for.
     fn finds_stiff(&self) -> bool {
         false

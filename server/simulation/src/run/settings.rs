@@ -81,7 +81,8 @@ pub struct Settings {
     pub atol: f64,
     /// Baumgarte's rates α = β `[1/s]`; without it a tenth of the inverse step.
     pub stabilisation: Option<f64>,
-    /// Time between samples, which steps then meet; without it every step is one `[s]`.
+    /// Time between samples, without which every step is one `[s]`. DOP853 interpolates them, the
+    /// steps of the other methods meet them.
     pub every: Option<f64>,
     /// Goes on with other independents near a singularity of those in use.
     pub switching: bool,

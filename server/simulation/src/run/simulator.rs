@@ -30,6 +30,15 @@ const SHORTEST: f64 = 1e-12;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
+/// What becomes of a step.
+enum Kept {
+    Stays,
+    /// It is made again, up to a contact or a row.
+    Shorter,
+    /// It came out elsewhere, at a singularity.
+    Jumped,
+}
+
 /// A simulation under way.
 pub(super) struct Simulator<'a> {
     settings: &'a Settings,
@@ -122,30 +131,33 @@ impl<'a> Simulator<'a> {
                 self.run.end = End::StepTooShort;
                 break;
             }
-            let next_sample = self.settings.sample_after(sampled);
             // near a singularity a step may turn out to be none
             let near = self.watch.is_some() && self.near.is_none_or(|near| near < NEAR);
-            let keeps = near || self.settings.stops.is_some();
+            let keeps = near || self.has_rows_within() || self.settings.stops.is_some();
             let kept = keeps.then(|| (self.t, self.x.clone(), self.engine.anchor.clone()));
             let contact = self.contact.take().unwrap_or(f64::INFINITY);
-            let forced = self.engine.mechanism.next_kink(self.t).min(next_sample).min(contact);
+            let row =
+                if self.has_rows_within() { end } else { self.settings.sample_after(sampled) };
+            let forced = self.engine.mechanism.next_kink(self.t).min(row).min(contact);
             let limit = self.stops.after(self.t, forced);
             let failed = self.engine.counts.failed;
             match self.stepper.attempt(&mut self.engine, &mut self.t, &mut self.x, limit) {
-                Attempt::Done => {
-                    if let Some((t, x, anchor)) = &kept
-                        && let Some(time) = self.first_contact(*t, anchor)
-                    {
-                        (self.t, self.x, self.engine.anchor) = (*t, x.clone(), anchor.clone());
-                        self.stepper.restart();
-                        self.contact = Some(time);
-                        continue;
+                Attempt::Done => match self.keep_step(kept, near, &mut sampled)? {
+                    Kept::Stays => {
+                        in_vain = 0;
+                        progress(self.t);
+                        if self.engine.counts.failed > failed {
+                            self.note_failure();
+                        }
+                        self.note_limits();
+                        self.look(false)?;
+                        let is_row = self.t >= self.settings.sample_after(sampled);
+                        if is_row || self.settings.every.is_none() {
+                            sampled += u64::from(self.settings.every.is_some());
+                            self.sample()?;
+                        }
                     }
-                    if let Some((t, x, anchor)) =
-                        kept.filter(|(.., anchor)| near && self.engine.jumped(anchor))
-                    {
-                        (self.t, self.x, self.engine.anchor) = (t, x, anchor);
-                        self.stepper.restart();
+                    Kept::Jumped => {
                         in_vain += 1;
                         if in_vain > IN_VAIN || !self.look(true)? {
                             let blame = self.watch.as_ref().map(Watch::blame);
@@ -153,20 +165,9 @@ impl<'a> Simulator<'a> {
                                 End::Failed(blame.unwrap_or(Status::SingularIndependents));
                             break;
                         }
-                        continue;
                     }
-                    in_vain = 0;
-                    progress(self.t);
-                    if self.engine.counts.failed > failed {
-                        self.note_failure();
-                    }
-                    self.note_limits();
-                    self.look(false)?;
-                    if self.settings.every.is_none() || self.t >= next_sample {
-                        sampled += u64::from(self.settings.every.is_some());
-                        self.sample()?;
-                    }
-                }
+                    Kept::Shorter => {}
+                },
                 Attempt::Rejected => {}
                 attempt @ (Attempt::Failed(_) | Attempt::TooShort) => {
                     in_vain += 1;
@@ -182,6 +183,60 @@ impl<'a> Simulator<'a> {
         }
         self.finish()?;
         Ok(self.run)
+    }
+
+    /// True where rows do not end steps.
+    fn has_rows_within(&self) -> bool {
+        self.stepper.is_dense() && self.settings.every.is_some()
+    }
+
+    /// Samples the rows within a step from `before`, or takes it back.
+    fn keep_step(
+        &mut self,
+        before: Option<(f64, Vec<f64>, Anchor)>,
+        near: bool,
+        sampled: &mut u64,
+    ) -> Result<Kept, SimulationError> {
+        let Some((t, x, anchor)) = before else { return Ok(Kept::Stays) };
+        let contact = self.first_contact(t, &anchor);
+        let jumped = contact.is_none() && near && self.engine.jumped(&anchor);
+        if contact.is_none() && !jumped && self.sample_within(&anchor, sampled)? {
+            return Ok(Kept::Stays);
+        }
+        (self.t, self.x, self.engine.anchor) = (t, x, anchor);
+        self.stepper.restart();
+        if jumped {
+            return Ok(Kept::Jumped);
+        }
+        // a row without an answer is one that a step has to end at
+        self.contact = contact.or_else(|| Some(self.settings.sample_after(*sampled)));
+        Ok(Kept::Shorter)
+    }
+
+    /// Samples the rows within the last step, which began at this state; false where one of them
+    /// has no answer.
+    fn sample_within(&mut self, from: &Anchor, sampled: &mut u64) -> Result<bool, SimulationError> {
+        if !self.has_rows_within() {
+            return Ok(true);
+        }
+        let after = mem::replace(&mut self.engine.anchor, from.clone());
+        let (t, x) = (self.t, self.x.clone());
+        let mut is_fine = true;
+        while is_fine && self.settings.sample_after(*sampled) < t {
+            self.t = self.settings.sample_after(*sampled);
+            let between = self.stepper.within(self.t, [&from.rate, &after.rate]);
+            is_fine = between.is_some_and(|between| {
+                self.x = between;
+                self.engine.settle(self.t, &mut self.x) == Status::Ok
+            });
+            if is_fine {
+                self.sample()?;
+                *sampled += 1;
+            }
+        }
+        self.engine.take_failure();
+        (self.t, self.x, self.engine.anchor) = (t, x, after);
+        Ok(is_fine)
     }
 
     /// True if the time stands still since `before` with any independents.
