@@ -159,17 +159,19 @@ impl Stepper for Dop853 {
     /// ends. The crate takes Q(1 − s) for Q(s), so it is asked at the mirrored time.
     fn within(&mut self, t: f64, [first, last]: [&[f64]; 2]) -> Option<Vec<f64>> {
         let method = self.method.as_mut().filter(|_| !self.stale)?;
-        let (from, to) = (method.t_prev(), method.t());
-        let (h, after) = (to - from, t - from);
-        let mirrored = method.interpolate((to - after).clamp(from, to)).ok()?;
-        let (start, end) = (method.y_prev(), method.y());
+        let from = method.t_prev();
+        let to = method.t();
+        let h = to - from;
+        let s = (t - from) / h;
+        let mirrored = method.interpolate((to - s * h).clamp(from, to)).ok()?;
+        let start = method.y_prev();
+        let end = method.y();
         let cubic = |i: usize, s: f64| {
             let change = end[i] - start[i];
             let bend = h * first[i] - change;
             let rest = change - h * last[i] - bend;
             start[i] + s * (change + (1.0 - s) * (bend + s * rest))
         };
-        let s = after / h;
         let x = mirrored.iter().enumerate();
         Some(x.map(|(i, x)| x + (cubic(i, s) - cubic(i, 1.0 - s))).collect())
     }

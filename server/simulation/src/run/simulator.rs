@@ -30,7 +30,7 @@ const SHORTEST: f64 = 1e-12;
 /// Switches of independents without a step between them.
 const IN_VAIN: u32 = 2;
 
-/// What becomes of a step.
+/// The outcome of a step.
 enum Kept {
     Stays,
     /// It is made again, up to a contact or a row.
