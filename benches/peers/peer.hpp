@@ -15,8 +15,8 @@
 //                                   numbers each: the held directions
 //   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier, the closed q, q̇
 // Out: `engine NAME`, then for each method
-//   run STATE|ID|FD METHOD; SETTING; NANOSECONDS    and a line of numbers for each state: q, τ_u or
-//                                                   ÿ
+//   run STATE|ID|FD|DID|DFD METHOD; SETTING; NANOSECONDS    and a line of numbers for each state: q,
+//                                   τ_u or ÿ, these with their derivatives by y, ẏ and, of ÿ, τ_u
 #pragma once
 
 #include <algorithm>

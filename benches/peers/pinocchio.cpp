@@ -485,6 +485,40 @@ int main() {
             closed.forward_dynamics(state, tolerance, ydd);
         });
     }
+    // analytic derivatives of explicit G are not Pinocchio's: differences are what is at hand
+    const auto differences = [&](bool forward, double step, VectorXd& answer) {
+        const VectorXd& value = forward ? ydd : tau_u;
+        std::vector<VectorXd State::*> by{&State::y, &State::yd};
+        if (forward) by.push_back(&State::tau_u);
+        return [&, forward, step, by](State state) {
+            const auto call = [&] {
+                if (forward) closed.forward_dynamics(state, 1e-12, ydd);
+                else closed.inverse_dynamics(state, 1e-12, tau_u);
+                return value;
+            };
+            answer.head(p) = call();
+            for (size_t k = 0; k < by.size(); k++)
+                for (int column = 0; column < p; column++) {
+                    double& x = (state.*by[k])(column);
+                    const double at = x;
+                    x = at + step;
+                    const VectorXd ahead = call();
+                    x = at - step;
+                    const VectorXd change = (ahead - call()) / (2 * step);
+                    x = at;
+                    for (int row = 0; row < p; row++)
+                        answer(p + (static_cast<int>(k) * p + row) * p + column) = change(row);
+                }
+        };
+    };
+    VectorXd did(p + 2 * p * p), dfd(p + 3 * p * p);
+    for (const char* text : {"1e-3", "1e-4", "1e-5", "1e-6", "1e-7"}) {
+        const std::string setting = std::string("; step ") + text;
+        add("DID differences of RNEA, explicit G" + setting, did,
+            differences(false, std::atof(text), did));
+        add("DFD differences of CRBA, explicit G" + setting, dfd,
+            differences(true, std::atof(text), dfd));
+    }
     // each its own data: what one leaves there spoils the other
     Proximal whole(robot), articulated(robot);
     for (const bool recursive : {false, true})

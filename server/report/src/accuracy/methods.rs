@@ -3,7 +3,7 @@
 
 use sarrus_dynamics::{Method as Forward, Model, Plan};
 
-use super::runner::{Implicit, Runner, with_start};
+use super::runner::{Differences, Implicit, Runner, with_start};
 use crate::Outcome;
 use crate::robots::{Planned, Question, Robot, Start, Subject, Variant};
 
@@ -14,6 +14,8 @@ const FEW_TOLERANCES: [f64; 5] = [1e-3, 1e-6, 1e-9, 1e-12, 1e-15];
 /// Bounds on the Newton steps, from a nearby closed pose and from the zero pose.
 const STEPS: [u32; 5] = [1, 2, 3, 4, 6];
 const STEPS_FROM_ZERO: [u32; 6] = [1, 2, 3, 4, 6, 8];
+/// Steps of central differences `[rad, m, 1/s, N, N m]`.
+const DIFFERENCES: [f64; 5] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
 /// Tree velocities up to which dense systems are measured.
 const LARGEST_SQUARE: usize = 100;
 
@@ -69,12 +71,14 @@ enum End {
     Tolerance(f64),
     /// After this many steps at most, at any misfit.
     Steps(u32),
+    /// The model's own, for differences of this step.
+    Step(f64),
 }
 
 impl End {
     fn model(self, model: &Model) -> Model {
         match self {
-            End::Usual(_) => model.clone(),
+            End::Usual(_) | End::Step(_) => model.clone(),
             End::Tolerance(tolerance) => model.with_tolerance(tolerance, 10),
             End::Steps(steps) => model.with_tolerance(0.0, steps),
         }
@@ -85,6 +89,7 @@ impl End {
             End::Usual(label) => label.to_owned(),
             End::Tolerance(tolerance) => format!("tolerance {tolerance:.0e}"),
             End::Steps(steps) => format!("at most {steps} steps"),
+            End::Step(step) => format!("step {step:.0e}"),
         }
     }
 
@@ -126,6 +131,7 @@ impl Methods<'_> {
     fn given(&mut self, closing: Closing<'_>) -> Outcome {
         let end = End::Usual("usual");
         self.everything(&closing, end)?;
+        self.derivatives(&closing, end)?;
         if closing.is_small() { self.implicit(&closing, end) } else { Ok(()) }
     }
 
@@ -144,6 +150,9 @@ impl Methods<'_> {
             }
         }
         self.everything(&closing, End::Usual("usual end"))?;
+        if closing.default {
+            self.derivatives(&closing, End::Usual("usual end"))?;
+        }
         for steps in STEPS {
             self.ask(&closing, Question::State, End::Steps(steps))?;
             if steps <= 3 {
@@ -193,6 +202,22 @@ impl Methods<'_> {
         let runner = Box::new(Planned::new(&model, plan, &self.robot.states, closing.place));
         let question = if question.is_forward() { Question::ForwardDynamics } else { question };
         self.add(closing, question, (series, end, default), runner);
+        Ok(())
+    }
+
+    /// Derivatives by the plan and by differences, of robots without quaternions in y.
+    fn derivatives(&mut self, closing: &Closing<'_>, end: End) -> Outcome {
+        let Closing { place, start, name, .. } = *closing;
+        let sizes = closing.model().sizes();
+        for question in Question::DERIVATIVES.into_iter().filter(|_| closing.is_small()) {
+            self.ask(closing, question, end)?;
+            for step in DIFFERENCES.into_iter().filter(|_| sizes.n_qy == sizes.n_vy) {
+                let asked = (question, start);
+                let of = Differences::new(closing.model(), self.robot, place, asked, step)?;
+                let series = format!("central differences, {name}, double");
+                self.add(closing, question, (series, End::Step(step), false), Box::new(of));
+            }
+        }
         Ok(())
     }
 

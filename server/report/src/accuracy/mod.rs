@@ -14,7 +14,7 @@ use std::time::Duration;
 use sarrus_dynamics::Model;
 
 use self::defaults::{DefaultRow, row, sentence};
-use self::figures::{figure, of_peer};
+use self::figures::{aim, figure, of_peer};
 use self::measure::measure;
 use self::methods::Method;
 use crate::Outcome;
@@ -38,10 +38,12 @@ const ROBOTS: [Subject; 8] = [
     Subject::Chain(1),
 ];
 /// The questions, by their names in the page and the files.
-const QUESTIONS: [(Question, &str, &str); 3] = [
+const QUESTIONS: [(Question, &str, &str); 5] = [
     (Question::State, "state", "state"),
     (Question::InverseDynamics, "inverse dynamics", "id"),
     (Question::ForwardDynamics, "forward dynamics", "fd"),
+    (Question::InverseDerivatives, "derivatives of inverse dynamics", "did"),
+    (Question::ForwardDerivatives, "derivatives of forward dynamics", "dfd"),
 ];
 
 const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
@@ -138,14 +140,31 @@ fn robot_figures(
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
         let of = methods.iter().filter(|of| of.question == question);
+        if of.clone().next().is_none() {
+            continue;
+        }
         let mut figure = figure(robot, question, name, of);
         figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
+        figure.series.extend(aim(&figure, question, &methods));
         if robot.subject != Subject::Chain(1) {
             missing.iter().for_each(|why| figure.caption += &format!(" {why}"));
         }
         figures.push(figure);
     }
+    for figures in figures.chunks_mut(Question::CHOSEN.len()) {
+        share_axes(figures);
+    }
     Ok((figures, methods, missing))
+}
+
+/// Gives some figures the same span of times and of errors.
+fn share_axes(figures: &mut [Figure]) {
+    let points = figures.iter().flat_map(|figure| &figure.series).flat_map(|of| &of.points);
+    let drawn = points.filter(|of| of.x.is_finite() && of.y.is_finite());
+    let (xs, ys): (Vec<f64>, Vec<f64>) = drawn.map(|of| (of.x, of.y)).unzip();
+    for figure in figures {
+        (figure.x.shared, figure.y.shared) = (xs.clone(), ys.clone());
+    }
 }
 
 #[cfg(test)]
@@ -175,7 +194,7 @@ mod tests {
             Subject::Chain(0),
         ] {
             let (figures, measured) = figures(subject);
-            assert_eq!(figures.len(), 3);
+            assert_eq!(figures.len(), 5);
             for of in &measured {
                 let Method { series, label, error, ns, fault, .. } = of;
                 assert!(
@@ -260,7 +279,7 @@ mod tests {
         }
         let robot = load(subject, 2).unwrap();
         let defaults: Vec<&Method> = measured.iter().filter(|of| of.default).collect();
-        assert_eq!(defaults.len(), 3);
+        assert_eq!(defaults.len(), 5);
         for of in defaults {
             let figure =
                 figures.iter().find(|figure| figure.id == id(subject, of.question)).unwrap();

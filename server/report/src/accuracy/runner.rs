@@ -1,12 +1,13 @@
-//! The timed calls: a plan, or the implicit form after a closing.
+//! The timed calls: a plan, the implicit form after a closing, or differences of a plan.
 
 use std::hint::black_box;
 
-use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Plan, Query, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Plan, Query, Request, Slot, Status};
 
 use crate::Outcome;
 use crate::measure::timing::Timed;
-use crate::robots::{Planned, Robot, Start};
+use crate::reference::layout;
+use crate::robots::{Planned, Question, Robot, Start};
 
 /// α = β of Baumgarte's stabilisation in 1/s: a drift falls by a digit in 39 ms.
 pub(super) const STABILISATION: f64 = 100.0;
@@ -104,5 +105,92 @@ impl Timed for Implicit {
 impl Runner for Implicit {
     fn answer(&self) -> Vec<f64> {
         self.independent.iter().map(|v| self.qdd[*v]).collect()
+    }
+}
+
+/// Central differences of inverse or forward dynamics.
+pub(super) struct Differences {
+    plain: Planned,
+    step: f64,
+    /// For each derivative, the first number of its variable, its place in the answer and its shape.
+    parts: Vec<(usize, Slot)>,
+    answer: Vec<f64>,
+}
+
+impl Differences {
+    /// A runner of the derivatives that a question has, on the states of a robot without
+    /// quaternions in y.
+    pub(super) fn new(
+        model: &Model,
+        robot: &Robot,
+        place: usize,
+        (question, start): (Question, Start),
+        step: f64,
+    ) -> Outcome<Differences> {
+        use Field::*;
+        let plain = match question {
+            Question::InverseDerivatives => Question::InverseDynamics,
+            _ => Question::ForwardDynamics,
+        };
+        let plan = Plan::new(model, &with_start(plain.query(), start))?;
+        let want = layout(robot, question);
+        let variable = |slot: &Slot| match slot.field {
+            DtauUDy | DyddDy => Some(Y),
+            DtauUDyd | DyddDyd => Some(Yd),
+            DyddDtauU => Some(TauU),
+            _ => None,
+        };
+        let parts = want.slots().iter().filter_map(|slot| {
+            let of = plan.given().slot(variable(slot)?)?;
+            Some((of.offset, slot.clone()))
+        });
+        Ok(Differences {
+            parts: parts.collect(),
+            step,
+            answer: vec![0.0; want.len()],
+            plain: Planned::new(model, plan, &robot.states, place),
+        })
+    }
+}
+
+impl Timed for Differences {
+    fn name(&self) -> String {
+        format!("{}: differences", self.plain.model.name())
+    }
+
+    fn states(&self) -> usize {
+        self.plain.states()
+    }
+
+    fn call(&mut self, state: usize) -> Status {
+        let Differences { plain, step, parts, answer } = self;
+        let mut status = plain.call(state);
+        let n = plain.output.len();
+        answer[..n].copy_from_slice(&plain.output);
+        for (first, slot) in parts {
+            for column in 0..slot.columns {
+                let at = *first + column;
+                let x = plain.inputs[state][at];
+                for side in [1.0, -1.0] {
+                    plain.inputs[state][at] = x + side * *step;
+                    let of = plain.call(state);
+                    status = if of == Status::Ok { status } else { of };
+                    for (row, value) in plain.output.iter().enumerate() {
+                        let to = &mut answer[slot.offset + row * slot.columns + column];
+                        let before = if side > 0.0 { 0.0 } else { *to };
+                        *to = before + side * value / (2.0 * *step);
+                    }
+                }
+                plain.inputs[state][at] = x;
+            }
+        }
+        black_box(&self.answer);
+        status
+    }
+}
+
+impl Runner for Differences {
+    fn answer(&self) -> Vec<f64> {
+        self.answer.clone()
     }
 }

@@ -29,12 +29,15 @@ pub struct Axis {
     pub label: String,
     /// Logarithmic; numbers that are not positive are drawn at [`DRAWN_FOR_ZERO`].
     pub log: bool,
+    /// Values of other figures that it spans too.
+    #[serde(skip)]
+    pub shared: Vec<f64>,
 }
 
 impl Axis {
     /// A logarithmic one.
     pub(crate) fn log(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: true }
+        Axis { label: label.into(), log: true, ..Axis::default() }
     }
 }
 

@@ -248,7 +248,7 @@ mod tests {
     fn figure(points: &[(f64, f64)]) -> Figure {
         let points = points.iter().map(|&(x, y)| Point { x, y, label: String::new() }).collect();
         let series = vec![Series { name: "a".into(), line: true, competes: true, points }];
-        let log = Axis { label: "error".into(), log: true };
+        let log = Axis::log("error");
         Figure {
             id: "f".into(),
             title: "<&\">".into(),

@@ -23,10 +23,12 @@ impl Scale {
     /// Over these values, with at most about `most` ticks; none without a finite value. `errors`
     /// have a separate position for zero.
     pub(super) fn new(axis: &Axis, errors: bool, values: &[f64], most: usize) -> Option<Scale> {
-        let finite: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
+        let values = values.iter().filter(|x| x.is_finite());
+        let mut finite: Vec<f64> = values.copied().collect();
         if finite.is_empty() {
             return None;
         }
+        finite.extend(axis.shared.iter().filter(|x| x.is_finite()));
         let mut scale =
             Scale { log: axis.log, nothing: 0.0, from: 0.0, to: 0.0, ticks: Vec::new() };
         if axis.log {
@@ -160,7 +162,7 @@ mod tests {
 
     #[test]
     fn ticks_of_a_logarithm_are_powers_of_ten() {
-        let axis = Axis { label: String::new(), log: true };
+        let axis = Axis { log: true, ..Axis::default() };
         let scale = Scale::new(&axis, false, &[90.0, 2e5], 8).unwrap();
         assert_eq!(names(&scale), ["100", "1000", "10000", "10⁵"]);
         let scale = Scale::new(&axis, true, &[1e-16, 1.0], 6).unwrap();
@@ -171,7 +173,7 @@ mod tests {
 
     #[test]
     fn zero_has_a_place_on_a_logarithm() {
-        let axis = Axis { label: String::new(), log: true };
+        let axis = Axis { log: true, ..Axis::default() };
         let scale = Scale::new(&axis, false, &[0.0, 1.0, 100.0], 8).unwrap();
         assert_eq!(names(&scale), ["0", "1", "10", "100"]);
         assert_eq!(scale.place(0.0), -1.0);

@@ -20,7 +20,7 @@ fn report() -> Report {
         competes: !line,
         points: points.iter().map(|&(x, y)| point(x, y)).collect(),
     };
-    let log = |label: &str| Axis { label: label.into(), log: true };
+    let log = |label: &str| Axis { label: label.into(), log: true, ..Axis::default() };
     let figure = |id: &str, series: Vec<Series>| Figure {
         id: id.into(),
         title: "lambda <script>alert(1)</script>".into(),

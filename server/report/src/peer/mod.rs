@@ -172,6 +172,8 @@ fn read(name: &str, text: &str, n_states: usize) -> Result<Peer, String> {
                 "STATE" => Question::State,
                 "ID" => Question::InverseDynamics,
                 "FD" => Question::ForwardDynamics,
+                "DID" => Question::InverseDerivatives,
+                "DFD" => Question::ForwardDerivatives,
                 _ => return None,
             };
             let name = format!("{name} {method}");

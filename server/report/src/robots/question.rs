@@ -37,6 +37,10 @@ impl Question {
     pub const CHOSEN: [Question; 3] =
         [Question::State, Question::InverseDynamics, Question::ForwardDynamics];
 
+    /// The questions with derivatives.
+    pub const DERIVATIVES: [Question; 2] =
+        [Question::InverseDerivatives, Question::ForwardDerivatives];
+
     /// Its name in tables and in the names of cases.
     pub const fn name(self) -> &'static str {
         match self {
