@@ -6,7 +6,8 @@
 # Needed: python3 with venv and the network for the wheels of Pinocchio, MuJoCo and Drake, clang++
 # and Eigen for Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for
 # Simbody. RBDL has no package: its sources are cloned, or RBDL_SOURCE=FOLDER has them; it needs a
-# C++ compiler and Eigen. casadi_code, which `casadi_code.py` uses, is built where it is named.
+# C++ compiler and Eigen. casadi_code, which `casadi_code.py` uses, and grpc, which
+# `sarrus-round-trip --rates` uses, are built where they are named.
 set -u
 cd "$(dirname "$0")/../.."
 pinocchio=4.1.0
@@ -151,15 +152,31 @@ build_rbdl() {
         $(ls "$source"/src/*.cc | grep -v rbdl_version)
 }
 
+# a program of `sarrus-round-trip --rates`
+build_grpc() {
+    packages='libgrpc++-dev libprotobuf-dev protobuf-compiler-grpc pkg-config'
+    compiler=$(clang || command -v g++) || missing "a C++ compiler is missing (apt install g++)" ||
+        return
+    pkg-config --exists grpc++ protobuf && command -v protoc >/dev/null &&
+        plugin=$(command -v grpc_cpp_plugin) || missing "gRPC is missing (apt install $packages)" ||
+        return
+    mkdir -p "$folder/grpc-code"
+    protoc -Ibenches/peers --cpp_out="$folder/grpc-code" --grpc_out="$folder/grpc-code" \
+        --plugin=protoc-gen-grpc="$plugin" benches/peers/grpc.proto ||
+        missing "protoc fails" || return
+    compile grpc "$compiler" -DNDEBUG -I"$folder/grpc-code" "$folder"/grpc-code/*.cc \
+        $(pkg-config --cflags --libs grpc++ protobuf)
+}
+
 mkdir -p "$folder"
 [ $# -gt 0 ] || set -- pinocchio mujoco simbody drake rbdl
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | drake | rbdl | casadi_code) "build_$peer" || code=1 ;;
+        pinocchio | mujoco | drake | rbdl | casadi_code | grpc) "build_$peer" || code=1 ;;
         simbody) build_simbody simbody motion_simbody || code=1 ;;
         *)
-            missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl, casadi_code"
+            missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl, casadi_code, grpc"
             code=1
             ;;
     esac

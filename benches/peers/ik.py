@@ -3,6 +3,7 @@
     pip install ./client/python pin-pink mink placo daqp
     cargo build --release -p sarrus-server
     python benches/peers/ik.py --sarrus target/release/sarrus [--targets 10000] [--peers 10000]
+    python benches/peers/ik.py --picture benches/ik.svg [--robots "upper body"] [--targets 300]
 
 Each target is the pose of the hands at a random state that keeps all limits, and each search starts
 at the same pose. It succeeds where its last state has the hands within 1e-6 of their targets [m and
@@ -12,6 +13,11 @@ the loops as their pages say: as equality constraints (pink, mink), as hard task
 motors' strokes as limits of joints, a full step for each iteration, and at most 100 of them; they
 stop at 1e-7. Times are those of the searches alone, called from Python, one thread. A peer whose
 wheel is missing is "not run".
+
+With `--picture` it draws error over time instead, for one robot: the peers stop at 1e-1 … 1e-9, a
+mark has the medians of time and of the error of the hands over all targets, the legend the share
+found at 1e-9 (needs matplotlib). sarrus has no such setting: its search goes on to 1e-9 or the end
+of its budget.
 """
 
 import argparse
@@ -30,6 +36,7 @@ import numpy as np
 import sarrus
 
 STEPS, STOP, GOOD = 100, 1e-7, 1e-6
+STOPS = [10.0**-k for k in range(1, 10)]
 
 # a leg as of a Unitree G1: two motors on the shank turn cranks, whose rods move the foot
 LEG_JOINTS = [
@@ -183,7 +190,7 @@ class Ours:
         self.rows = np.zeros((len(case.hands), 11))
         self.rows[:, 9:] = 1.0
 
-    def search(self, poses):
+    def search(self, poses, _=STOP):
         begin = time.perf_counter()
         self.rows[:, :7] = poses
         answer = self.query(task_target=self.rows, y_guess=self.case.start, return_status=True)
@@ -192,11 +199,11 @@ class Ours:
         return dict(zip(self.tree, answer.q)), spent
 
 
-def descend(peer, at, solve, failed):
+def descend(peer, at, solve, failed, stop):
     """Steps of pink or mink, whose interfaces agree, from `at` to the targets of the hands."""
     for _ in range(STEPS):
         off = [task.compute_error(at) for task in [*peer.hands, *peer.loops]]
-        if max(np.abs(error).max() for error in off) < STOP:
+        if max(np.abs(error).max() for error in off) < stop:
             return
         try:
             v = solve(
@@ -234,13 +241,13 @@ class Pink:
             self.loops.append(Point(loop))
         self.limits = [pink.limits.ConfigurationLimit(self.model, config_limit_gain=1.0)]
 
-    def search(self, poses):
+    def search(self, poses, stop=STOP):
         pink = self.pink
         for hand, pose in zip(self.hands, poses):
             hand.set_target(self.pin.XYZQUATToSE3(pose))
         begin = time.perf_counter()
         at = pink.Configuration(self.model, self.data, self.q)
-        descend(self, at, pink.solve_ik, pink.exceptions.PinkError)
+        descend(self, at, pink.solve_ik, pink.exceptions.PinkError, stop)
         return got(self.model, at.q), time.perf_counter() - begin
 
 
@@ -279,14 +286,14 @@ class Mink:
         self.loops = [mink.EqualityConstraintTask(self.model, 1.0, gain=1.0)]
         self.limits = [mink.ConfigurationLimit(self.model, gain=1.0)]
 
-    def search(self, poses):
+    def search(self, poses, stop=STOP):
         mink = self.mink
         for hand, pose in zip(self.hands, poses):
             quat = mink.SO3(np.array(pose[[6, 3, 4, 5]]))
             hand.set_target(mink.SE3.from_rotation_and_translation(quat, pose[:3]))
         begin = time.perf_counter()
         at = mink.Configuration(self.model, self.q)
-        descend(self, at, mink.solve_ik, mink.MinkError)
+        descend(self, at, mink.solve_ik, mink.MinkError, stop)
         spent = time.perf_counter() - begin
         return {name: at.q[place] for name, place in self.places.items()}, spent
 
@@ -329,7 +336,7 @@ class Placo:
             self.robot.set_joint(name, self.case.q[name])
         self.robot.update_kinematics()
 
-    def search(self, poses):
+    def search(self, poses, stop=STOP):
         self.start()
         for task, pose in zip(self.hands, poses):
             task.T_world_frame = matrix(pose)
@@ -344,7 +351,7 @@ class Placo:
             off = [task.position().error_norm() for task in self.hands]
             off += [task.orientation().error_norm() for task in self.hands]
             off += [task.error_norm() for task in self.loops]
-            if max(off) < STOP:
+            if max(off) < stop:
                 break
         spent = time.perf_counter() - begin
         return {name: self.robot.get_joint(name) for name in self.names}, spent
@@ -396,8 +403,8 @@ class Judge:
         limits = case.robot.limits
         self.limits = dict(zip(case.robot.joints, zip(limits["lower"], limits["upper"])))
 
-    def faults(self, named, poses):
-        """Whether hands are away, loops open, limits exceeded."""
+    def away(self, named, poses):
+        """The largest distance of a hand from its target [m or rad]."""
         pin = self.pin
         put(self.model, named, self.q)
         pin.framesForwardKinematics(self.model, self.data, self.q)
@@ -406,6 +413,11 @@ class Judge:
         for frame, pose in zip(self.hands, poses):
             error = pin.log6(of[frame].actInv(pin.XYZQUATToSE3(pose))).vector
             away = max(away, np.linalg.norm(error[:3]), np.linalg.norm(error[3:]))
+        return away
+
+    def faults(self, named, poses):
+        """Whether hands are away, loops open, limits exceeded."""
+        away, of = self.away(named, poses), self.data.oMf
         gaps = [np.linalg.norm(of[a].translation - of[b].translation) for a, b in self.loops]
         over = 0.0
         for name, x in named.items():
@@ -414,12 +426,46 @@ class Judge:
         return not away <= GOOD, not max(gaps, default=0.0) <= GOOD, not over <= GOOD
 
 
+def draw(case, path):
+    """The picture: error over time for each solver, and its numbers as a table."""
+    import matplotlib.pyplot as plt
+
+    plt.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": "ik"}
+    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
+    judge = Judge(case)
+    print("| solver | stops at | median time | median error | share below 1e-6 |")
+    print("|---|--:|--:|--:|--:|")
+    for kind, mark in ((Ours, "o"), (Pink, "s--"), (Mink, "^--"), (Placo, "v--")):
+        try:
+            solver = kind(case)
+        except ImportError as error:
+            print(f"{kind.__name__.lower()}: not run, {error}")
+            continue
+        points = []
+        for stop in STOPS[-1:] if kind is Ours else STOPS:
+            searches = [solver.search(poses, stop) for poses in case.poses]
+            away = [judge.away(found[0], poses) for found, poses in zip(searches, case.poses)]
+            seconds = np.median([found[1] for found in searches])
+            points.append((1e6 * seconds, max(np.median(away), 1e-16)))
+            share = np.mean(np.array(away) < GOOD)
+            row = f"{points[-1][0]:.0f} us | {points[-1][1]:.1e} | {share:.2f}"
+            print(f"| {solver.name} | {stop:.0e} | {row} |", flush=True)
+        name = f"{solver.name}, {100 * share:.0f} % found"
+        axes.loglog(*zip(*points, strict=True), mark, label=name, ms=5)
+    axes.set_xlabel("median time of a search, called from Python [us]")
+    axes.set_ylabel("median error of the hands [m, rad]")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", fontsize=8, ncols=5)
+    figure.savefig(path)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--sarrus", default="target/release/sarrus")
     parser.add_argument("--targets", type=int, default=10_000)
     parser.add_argument("--peers", type=int, help="targets of the peers, the first ones")
     parser.add_argument("--robots", default=",".join(ROBOTS))
+    parser.add_argument("--picture", help="draws error over time for one robot instead")
     arguments = parser.parse_args()
     for package in ("pin-pink", "pin", "mink", "mujoco", "placo", "daqp", "numpy"):
         try:
@@ -427,6 +473,13 @@ def main():
         except importlib.metadata.PackageNotFoundError:
             print(f"{package} not installed", end="  ")
     print()
+    if arguments.picture:
+        with tempfile.TemporaryDirectory() as folder:
+            name = arguments.robots.split(",")[0]
+            case = Case(name, arguments.sarrus, pathlib.Path(folder), arguments.targets)
+            draw(case, arguments.picture)
+            print(f"load at the end {os.getloadavg()[0]:.1f}")
+        return
     head = f"{'robot':12} {'solver':15} {'targets':>7} {'found':>6} {'away':>5} {'open':>5}"
     head += f" {'limits':>7} {'median us':>10} {'mean us':>8} {'ratio':>7}"
     for name in arguments.robots.split(","):

@@ -4,6 +4,8 @@
 //! become due while another one is late are late too, and none is omitted.
 
 use std::hint::{black_box, spin_loop};
+use std::path::PathBuf;
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::{self, JoinHandle};
@@ -39,13 +41,15 @@ enum Way {
     Socket,
     Lane,
     Service,
+    Grpc,
 }
 
-const WAYS: [(Way, &str); 4] = [
+const WAYS: [(Way, &str); 5] = [
     (Way::Floor, "shared atomics (floor)"),
     (Way::Socket, "Unix socket"),
     (Way::Lane, "lane"),
     (Way::Service, "service"),
+    (Way::Grpc, "gRPC, Unix socket"),
 ];
 
 /// One line of the table.
@@ -178,6 +182,13 @@ pub(crate) fn measure(
     let mut runs = Vec::new();
     for beside in ["nothing", "busy loops"] {
         for (way, name) in WAYS {
+            if way == Way::Grpc {
+                let _busy = (beside != "nothing").then(|| Busy::start(cores));
+                for (rate, times) in of_grpc(&inputs, cores, domain, time)? {
+                    runs.push(Run { beside, way: name, rate, times });
+                }
+                continue;
+            }
             let busy = || (beside != "nothing").then(|| Busy::start(cores));
             let mut at_rates = |trip: &mut dyn FnMut(usize) -> Outcome| {
                 (0..WARM_UP).try_for_each(&mut *trip)?;
@@ -201,7 +212,7 @@ pub(crate) fn measure(
                     at_rates(&mut |k| near.trip(inputs.of(k), inputs.n_out))?;
                     near.stop()?;
                 }
-                Way::Lane | Way::Service => {
+                Way::Lane | Way::Service | Way::Grpc => {
                     let server = Child::start(Role::Server, domain, cores, None)?;
                     let transport =
                         if way == Way::Lane { Transport::Lane } else { Transport::Service };
@@ -215,6 +226,43 @@ pub(crate) fn measure(
         }
     }
     Ok((table(&runs), runs.iter().map(Run::value).collect()))
+}
+
+/// The program of `benches/peers/` that measures gRPC.
+fn grpc() -> PathBuf {
+    let folder = std::env::var_os("CARGO_TARGET_DIR").map_or("target".into(), PathBuf::from);
+    folder.join("peers/grpc")
+}
+
+/// Rates and times of gRPC; none where its program is not built.
+fn of_grpc(
+    inputs: &Inputs,
+    cores: &Cores,
+    domain: &Domain,
+    time: Duration,
+) -> Outcome<Vec<(u32, Histogram<u64>)>> {
+    if !grpc().is_file() {
+        return Ok(Vec::new());
+    }
+    let numbers = [inputs.of(0).len(), inputs.n_out, cores.of_server()[0]];
+    let mut command = Command::new(grpc());
+    command.arg(domain.root().join("grpc.sock"));
+    command.args(numbers.map(|n| n.to_string())).arg(time.as_secs_f64().to_string());
+    let output = command.args(RATES.map(|rate| rate.to_string())).output()?;
+    if !output.status.success() {
+        return Err(String::from_utf8_lossy(&output.stderr).trim().to_owned().into());
+    }
+    let mut all = Vec::new();
+    for line in String::from_utf8(output.stdout)?.lines().skip(1) {
+        let mut words = line.split(' ');
+        let rate = words.next().ok_or("gRPC: a line without a rate")?.parse()?;
+        let mut times = histogram()?;
+        for word in words {
+            times.saturating_record(word.parse()?);
+        }
+        all.push((rate, times));
+    }
+    Ok(all)
 }
 
 impl Run {
@@ -249,12 +297,18 @@ fn table(runs: &[Run]) -> Table {
         let words = [run.way.to_owned(), run.beside.to_owned(), run.rate.to_string()];
         words.into_iter().chain(cells(&run.times)).collect()
     };
+    let is_run = runs.iter().any(|run| run.way.starts_with("gRPC"));
+    let grpc = if is_run {
+        "gRPC: its synchronous C++ client and server, which compute nothing;"
+    } else {
+        "gRPC: not run, benches/peers/build.sh grpc builds its program;"
+    };
     let notes = [
+        grpc,
         "ns from the time at which a request is due, also where the one before is late;",
         "floor and socket carry the bytes of inverse dynamics and compute nothing; server, floor \
         and their client poll, both ends of the socket wait in the kernel;",
-        "busy loops: one on the processor of the server, one on that of the client;",
-        "gRPC: not run: no gRPC in the project",
+        "busy loops: one on the processor of the server, one on that of the client",
     ];
     Table {
         title: "Inverse dynamics of the upper body at fixed rates".to_owned(),

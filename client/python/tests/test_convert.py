@@ -282,13 +282,25 @@ class Lua(Files):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         self.assertEqual((done.returncode, "none.lua" in done.stderr), (2, True))
 
+    def test_a_loaded_robot_has_the_notes_of_its_readers(self):
+        robot = sarrus.Robot.load(self.file("rrpr.lua", RRPR))
+        notes = convert.convert(self.file("rrpr.lua", RRPR)).notes
+        self.assertTrue(notes)
+        for note in notes:
+            self.assertTrue(any(note in of for of in robot.notes), robot.notes)
+        model = "<mujoco><worldbody><body><joint name='a'/><geom size='1'/></body></worldbody>"
+        model += "<option timestep='0.001'/></mujoco>"
+        robot = sarrus.Robot.load(self.file("arm.xml", model))
+        self.assertTrue(any("timestep" in note for note in robot.notes), robot.notes)
+        self.assertEqual(sarrus.Robot.bundled("lambda").notes, [])
+
     def test_modules_of_the_current_folder_are_not_those_of_the_reader(self):
         self.file("lupa.py", "raise SystemExit('mine')")
         file = self.file("rrpr.lua", RRPR)
         before = Path.cwd()
         os.chdir(self.folder)
         self.addCleanup(os.chdir, before)
-        self.assertIn(b'<robot name="rrpr"', convert.text(file))
+        self.assertIn(b'<robot name="rrpr"', convert.text(file)[0])
         with self.assertRaises(sarrus.LoadError) as caught:
             convert.text(self.file("rrpr.lua", "return 3"))
         self.assertIn("rrpr.lua: it returns no table", str(caught.exception))

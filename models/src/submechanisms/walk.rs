@@ -46,33 +46,17 @@ pub(crate) struct LoopEntry {
 
 const OF_ENTRY: &str = "the submechanism";
 const TOP: &[&str] = &["submechanisms", "actuators", "exoskeletons"];
-const ENTRY: &[&str] = &[
-    "type",
-    "contextual_name",
-    "name",
-    "file_path",
-    "jointnames",
-    "jointnames_spanningtree",
-    "jointnames_independent",
-    "jointnames_active",
-    "loop_constraints",
-    "closed_forms",
-];
-const LOOP: &[&str] = &[
-    "cut_joint",
-    "predecessor_body",
-    "successor_body",
-    "frames",
-    "constraint_axes",
-    "cut_joint_type",
-    "axis",
-    "axis2",
-    "baumgarte_stabilization_parameter",
-    "predecessor_placement",
-    "successor_placement",
-];
+const ENTRY: &str = "type contextual_name name file_path jointnames jointnames_spanningtree \
+    jointnames_independent jointnames_active loop_constraints closed_forms";
+const LOOP: &str = "cut_joint predecessor_body successor_body frames constraint_axes \
+    cut_joint_type axis axis2 baumgarte_stabilization_parameter predecessor_placement \
+    successor_placement";
 const ROW: &[&str] = &["name", "axis", "baumgarte_stabilization_parameter"];
 const PLACEMENT: &[&str] = &["xyz", "rpy"];
+
+fn words_of(list: &str) -> Vec<&str> {
+    list.split(' ').collect()
+}
 
 /// The submechanisms of a file.
 pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
@@ -101,7 +85,7 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
 }
 
 fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
-    if !keys(node, "a submechanism", ENTRY, diagnostics) {
+    if !keys(node, "a submechanism", &words_of(ENTRY), diagnostics) {
         return None;
     }
     let contextual_name = word(node, "contextual_name", diagnostics);
@@ -142,7 +126,7 @@ fn entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<Entry> {
 }
 
 fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
-    if !keys(node, "a loop constraint", LOOP, diagnostics) {
+    if !keys(node, "a loop constraint", &words_of(LOOP), diagnostics) {
         return None;
     }
     let frames = frames(node, diagnostics);

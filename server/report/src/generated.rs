@@ -56,18 +56,14 @@ pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) ->
         id: "generated-times".into(),
         title: "Plan, its straight-line code, and a peer".into(),
         caption: format!(
-            "Nanoseconds of a call from y without a guess. Plan: the kernels that every robot \
-            shares; with code: an answer by the shared object that `sarrus generate` made of the \
-            plan, or by the plan where the code leaves a state to it; in rows: a state of {} that \
-            are asked at once, by the code for several abreast; medians of batches that take \
-            turns. Code and bare: the least of {TURNS} runs by turns of the test programs of \
-            the same function, and of it without checks and without pairs; their ratio is what \
-            checks cost and pairs gain; of robots with Newton's method both are without its \
-            closures, which stay the plan's. Peer: the fastest method of a peer whose largest \
-            error is at most {EQUAL:.0e} or ours (of a state it finds q alone, from a guess where \
-            ours needs none), and how many times as long it takes as ours with code, or by the \
-            plan where there is none. Bits of the code are compared with the plan's on 4096 \
-            states when it is loaded. Compiler: {}.",
+            "Nanoseconds of a call from y without a guess, medians of batches that take turns. \
+            With code: an answer by the code of `sarrus generate`, or by the plan where that \
+            leaves a state to it; in rows: a state of {} asked at once. Code and bare: the least \
+            of {TURNS} runs of the function's test program, and of it without checks and pairs; \
+            of robots with Newton's method without its closures, which stay the plan's. Peer: \
+            its fastest method with an error of at most {EQUAL:.0e} or ours (of a state q alone, \
+            from a guess), and its time over ours with code, or by the plan where there is none. \
+            The code has the plan's bits on 4096 states. Compiler: {}.",
             amount.states,
             compiler.name()
         ),

@@ -122,18 +122,21 @@ fn in_words(report: &Report) -> String {
     notes(&report.notes) + &diagnostics(&report.errors, &report.warnings)
 }
 
+/// Runs a module without those of the current folder, which may be a robot's.
+const MODULE: &str = "import sys; sys.path = [of for of in sys.path if of]; import runpy; \
+    runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)";
+
 /// A module of the Python package, for the interpreter that `SARRUS_PYTHON` names, or `python3`.
 fn python(module: &str) -> Command {
     let named = std::env::var_os("SARRUS_PYTHON").unwrap_or_else(|| "python3".into());
     let mut program = Command::new(named);
-    // without it modules come from the current folder first, which may be a robot's
-    program.args(["-m", module]).env("PYTHONSAFEPATH", "1");
+    program.args(["-c", MODULE, module]);
     program
 }
 
 /// The output of a program; its words go to stderr.
 fn output_of(program: &mut Command) -> Result<Vec<u8>, Failure> {
-    let words = format!("{program:?}");
+    let words = format!("{program:?}").replace(&format!("\"-c\" {MODULE:?}"), "\"-m\"");
     let package = if words.starts_with("\"xacro") { "xacro" } else { "sarrus" };
     let failed = |why: String| Failure::start(format!("{words}: {why}"));
     let broken =

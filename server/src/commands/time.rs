@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status, TaskParts};
 use sarrus_models::Loaded;
-use sarrus_report::csv_rows::{self, LineEnd};
+use sarrus_report::csv_rows;
 use sarrus_report::measure::progress::Progress;
 use sarrus_show::{Motion, POINTS, Settings, motion, sparse};
 use sarrus_simulation::{Stop, Timed, time_path};
@@ -218,5 +218,5 @@ fn csv(model: &Model<f64>, timed: &Timed) -> Result<String, Failure> {
         let cells = [*t].into_iter().chain(numbers.iter().flatten().copied());
         rows.push(cells.map(|x| x.to_string()).collect());
     }
-    csv_rows::write(&rows, LineEnd::Lf).map_err(Failure::start)
+    csv_rows::write(&rows).map_err(Failure::start)
 }

@@ -12,8 +12,9 @@ use sarrus_tests::seed::Seeded;
 use super::{Fields, X, Y_AXIS, Z, answers, answers_near, numerical, robots, share};
 
 /// A platform on six rods from three cranks, parallel pairs or not; cranks, or joints of the
-/// platform, are independent. The universal joint of a rod is at either end.
-fn platform(seed: u64, straight: bool) -> Draft {
+/// platform, are independent. The universal joint of a rod is at either end. With `spins` some rods
+/// have a third turn about themselves, as a ball joint at both ends leaves it.
+fn platform(seed: u64, straight: bool, spins: bool) -> Draft {
     let mut draft = Draft::new(seed, Kind::Numerical, straight);
     let about = |draft: &mut Draft, size: f64| {
         if straight { [0.0; 3] } else { draft.seeded.vector(size) }
@@ -51,7 +52,11 @@ fn platform(seed: u64, straight: bool) -> Draft {
                 false => (link, pin, crank_link, end),
             };
             let (_, turned) = draft.turn(carrier, at, u1);
-            let (_, rod) = draft.turn(turned, at, u2);
+            let (_, mut link_of_rod) = draft.turn(turned, at, u2);
+            if spins && draft.seeded.chance(0.5) {
+                link_of_rod = draft.turn(link_of_rod, at, unit(rod)).1;
+            }
+            let rod = link_of_rod;
             let (p, s) = if draft.seeded.chance(0.5) { (rod, other) } else { (other, rod) };
             draft.cut(p, s, ball, &[], &[X, Y_AXIS, Z]);
         }
@@ -65,25 +70,92 @@ fn platform(seed: u64, straight: bool) -> Draft {
     draft.shuffled()
 }
 
+/// A platform on three legs of a crank and a link, all in a plane, or about a point; cranks, or
+/// joints of the leg that the tree follows, are independent.
+fn three_legs(seed: u64, straight: bool) -> Draft {
+    let mut draft = Draft::new(seed, Kind::Numerical, straight);
+    let round = draft.seeded.chance(0.5);
+    let mut cranks = Vec::new();
+    let mut platform = 0;
+    let mut first = Vec::new();
+    for k in 0..3 {
+        let spots = [(1.0, 0.0), (0.8, 0.5), (0.35, 0.2)].map(|(radius, ahead)| {
+            let about = |draft: &mut Draft| 0.15 * draft.seeded.within(-1.0, 1.0);
+            let angle = std::f64::consts::TAU * f64::from(k) / 3.0 + ahead + about(&mut draft);
+            let radius: f64 = radius + about(&mut draft);
+            let [x, y] = [radius * angle.cos(), radius * angle.sin()];
+            let height = if straight { 0.0 } else { 2.0 * about(&mut draft) };
+            if round { [x, y, 0.7 + height] } else { [x, y, height] }
+        });
+        let axis = |at: Vector| if round { unit(at) } else { Z };
+        let [pivot, elbow, pin] = spots;
+        let (crank, link) = draft.turn(0, pivot, axis(pivot));
+        cranks.push(crank);
+        let (joint, link) = draft.turn(link, elbow, axis(elbow));
+        if k == 0 {
+            let (last, of_platform) = draft.turn(link, pin, axis(pin));
+            (platform, first) = (of_platform, vec![crank, joint, last]);
+            continue;
+        }
+        let [x, y] = if round {
+            let x = unit(cross(pin, Y_AXIS));
+            [x, unit(cross(pin, x))]
+        } else {
+            [X, Y_AXIS]
+        };
+        let (p, s) = if draft.seeded.chance(0.5) { (link, platform) } else { (platform, link) };
+        draft.cut(p, s, pin, &[], &[x, y]);
+    }
+    let independent = if draft.seeded.chance(0.2) {
+        [first[0], first[1], cranks[1]]
+    } else {
+        [cranks[0], cranks[1], cranks[2]]
+    };
+    draft.roles(&independent.map(|j| (j, 0.3)), &cranks);
+    draft.shuffled()
+}
+
 #[test]
 fn rods_hold_distances_as_their_three_rows_do() {
+    let count = compared(120, |seed, straight| platform(seed, straight, false), [6, 2]);
+    assert!(count[0] > 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
+}
+
+#[test]
+fn rods_that_spin_about_themselves_are_rods() {
+    let count = compared(60, |seed, straight| platform(seed, straight, true), [6, 2]);
+    assert!(count[0] > 6 && count[1] > 1000 && 100 * count[3] < count[1], "{count:?}");
+}
+
+#[test]
+fn links_on_hinges_in_a_plane_or_about_a_point_are_rods() {
+    let count = compared(160, three_legs, [2, 1]);
+    assert!(count[0] > 60 && count[1] > 5000 && 100 * count[3] < count[1], "{count:?}");
+}
+
+/// Compares mechanisms of so many rods with so many turns each with all of their rows: the numbers
+/// of mechanisms, states, states in double-double, and states that one of both alone closes.
+fn compared(seeds: u64, draft: impl Fn(u64, bool) -> Draft, [n, turns]: [usize; 2]) -> [usize; 4] {
     let mut worst = [0.0_f64; 2];
     let mut count = [0; 4];
-    for seed in 0..120 {
+    for seed in 0..seeds {
         let straight = seed % 6 == 0;
-        let draft = platform(seed, straight);
+        let draft = draft(seed, straight);
         let Ok(form) = sarrus_dynamics::Model::compile(&draft.description()) else { continue };
         let newton = numerical(&draft.description());
         let parts = form.model.closures_at_zero().remove(0).parts;
         let rods = parts.iter().filter(|part| part.method == "rod");
-        assert!(rods.clone().all(|part| part.rows == 2 && part.joints.len() == 2), "{parts:?}");
+        assert!(
+            rods.clone().all(|part| part.rows == turns && part.joints.len() == turns),
+            "{parts:?}"
+        );
         // a zero pose near a singular one has no table
         if rods.clone().count() == 0 {
             continue;
         }
-        assert_eq!(rods.count(), 6, "seed {seed}: {parts:?}");
+        assert_eq!(rods.count(), n, "seed {seed}: {parts:?}");
         let of_newton = parts.iter().filter(|part| part.method == "newton");
-        assert_eq!(of_newton.map(|part| part.rows).sum::<usize>(), 6, "{parts:?}");
+        assert_eq!(of_newton.map(|part| part.rows).sum::<usize>(), n, "{parts:?}");
         count[0] += 1;
         let (mut mine_of, mut exact_of) = robots(&form);
         let (mut newtons_of, _) = robots(&newton);
@@ -120,10 +192,10 @@ fn rods_hold_distances_as_their_three_rows_do() {
         }
     }
     println!(
-        "{count:?} platforms, states, states in double-double, states closed by one of both alone: \
+        "{count:?} mechanisms, states, states in double-double, states closed by one of both alone: \
          {worst:.1?} of what is allowed"
     );
-    assert!(count[0] > 12 && count[1] > 2000 && 100 * count[3] < count[1], "{count:?}");
+    count
 }
 
 #[test]

@@ -101,15 +101,30 @@ fn files_of_python_end_as_others_do() {
         assert_eq!(gone.code, Some(2), "{}", gone.err);
         assert!(gone.err.contains("cannot open"), "{}", gone.err);
         let file = folder.file(&format!("robot.{ending}"), "");
-        // no module of the current folder
-        let script = format!("test \"$PYTHONSAFEPATH\" = 1 && cat << 'END'\n{PLAIN}\nEND");
-        let done = import(&file, &script);
+        let done = import(&file, &format!("cat << 'END'\n{PLAIN}\nEND"));
         assert_eq!(done.code, Some(0), "{}", done.err);
         fs::remove_dir_all(program.replace("/python", "/mine")).unwrap();
         for (script, code) in [("exit 1", 1), ("exit 2", 2), ("exit 7", 1), ("kill -9 $$", 1)] {
             assert_eq!(import(&file, script).code, Some(code), "{script}");
         }
     }
+    // no module of the current folder
+    let printed = format!("print({:?})", PLAIN.trim());
+    let good = folder.file("place", "").replace("/place", "");
+    let bad = format!("{good}/bad");
+    for of in [&good, &bad] {
+        fs::create_dir_all(format!("{of}/sarrus")).unwrap();
+    }
+    fs::write(format!("{good}/sarrus/__init__.py"), "").unwrap();
+    fs::write(format!("{good}/sarrus/convert.py"), printed).unwrap();
+    for file in ["runpy.py", "pkgutil.py", "sarrus/__init__.py", "sarrus/convert.py"] {
+        fs::write(format!("{bad}/{file}"), "raise SystemExit(9)").unwrap();
+    }
+    fs::write(&program, format!("#!/bin/sh\nPYTHONPATH={good} exec python3 \"$@\"\n")).unwrap();
+    let mut command = Command::new(sarrus());
+    command.args(["import", &format!("{good}/robot.lua"), "--out", &format!("{good}/mine")]);
+    let done = Run::of(command.env("SARRUS_PYTHON", &program).current_dir(&bad), b"");
+    assert_eq!(done.code, Some(0), "{}", done.err);
 }
 
 #[test]

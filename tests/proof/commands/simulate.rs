@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use sarrus_report::csv_rows::{self, LineEnd};
+use sarrus_report::csv_rows;
 use serde_json::Value;
 
 use super::{Folder, Run, sarrus};
@@ -207,7 +207,7 @@ fn a_name_with_a_comma_is_one_column_of_the_motion_and_of_the_forces() {
             "--submechanisms",
             &home.file("five.yml", yaml),
             "--input",
-            &home.file("forces.csv", csv_rows::write(&forces, LineEnd::Lf).unwrap()),
+            &home.file("forces.csv", csv_rows::write(&forces).unwrap()),
             "--duration",
             "0.1",
             "--method",

@@ -48,4 +48,5 @@ if __name__ == "__main__":
     try:
         print(file(sys.argv[1]))
     except (LoadError, ModuleNotFoundError) as fault:
-        sys.exit(f"error: {fault}")
+        print(f"error: {fault}", file=sys.stderr)
+        sys.exit(1 if isinstance(fault, LoadError) else 2)

@@ -33,6 +33,17 @@ class Robot(TaskRobot):
     an array of rows a batch of states, with the same bits.
     """
 
+    # notes of a conversion by another process
+    _converted: Sequence[str] = ()
+
+    @property
+    def notes(self) -> list[str]:
+        """Choices of the files' reader, and parts without influence on the dynamics, a line each.
+
+        The files are read again. Of a server's robot there are none.
+        """
+        return [*self._converted, *([] if self.is_connected else self.origin.notes())]
+
     # --- constructors -----------------------------------------------------------------------------
 
     def __new__(
@@ -85,11 +96,13 @@ class Robot(TaskRobot):
         """
         options = parts(gravity, lenient, floating_base, lock, only)
         if convert.reads(urdf):
-            text = convert.text(urdf, lenient=lenient)
-            texts = _native.imported(urdf, text, lenient)
+            text, said = convert.text(urdf, lenient=lenient)
+            *texts, notes = _native.imported(urdf, text, lenient)
             if submechanisms is not None:
-                texts = text, Path(submechanisms).read_bytes()
-            return cls(_native.Origin.text(*texts, options))
+                texts, notes = [text, Path(submechanisms).read_bytes()], []
+            robot = cls(_native.Origin.text(*texts, options))
+            robot._converted = said + notes
+            return robot
         return cls(_native.Origin.files(urdf, submechanisms, options))
 
     @classmethod

@@ -97,6 +97,11 @@ impl PyOrigin {
         }
     }
 
+    /// Notes of its reader.
+    fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        Ok(self.load(py)?.report.notes.iter().map(ToString::to_string).collect())
+    }
+
     /// The arguments with which `text` reads the same robot again in another process: the current
     /// contents of its files, and its options.
     fn contents<'py>(
@@ -172,18 +177,19 @@ fn unknown(what: &str, found: &str, expected: &str) -> PyErr {
 }
 
 /// URDF and submechanisms of a URDF with loops, with the independent joints that `sarrus import`
-/// chooses.
+/// chooses, and notes.
 #[pyfunction]
 pub(crate) fn imported(
     py: Python<'_>,
     file: PathBuf,
     urdf: Vec<u8>,
     lenient: bool,
-) -> PyResult<(Vec<u8>, Vec<u8>)> {
+) -> PyResult<(Vec<u8>, Vec<u8>, Vec<String>)> {
     let options = Options { lenient, ..Options::default() };
     let found = py.detach(|| import(&file, Some(urdf), &[], &options));
     let found = found.map_err(|error| load_error(py, error))?;
-    Ok((found.urdf, found.submechanisms))
+    let notes = found.report.notes.iter().map(ToString::to_string);
+    Ok((found.urdf, found.submechanisms, notes.collect()))
 }
 
 /// Names of the bundled robots, each with one line about it.

@@ -75,7 +75,8 @@ constants! { RodLeg:
 /// A universal joint whose axes cross at a right angle, on a rod with a ball at its end.
 #[derive(Clone, Debug)]
 pub(crate) struct Universal<T> {
-    /// Local joints of its first and second turn.
+    /// Local joints of its first and second turn; of a hinge twice the same, as its second turn
+    /// stays at zero.
     pub(crate) joints: [usize; 2],
     /// Its axes at zero {the body that carries it}.
     pub(crate) axes: Matrix3<T>,
@@ -299,8 +300,8 @@ impl<T: Real> Universal<T> {
         let c1 = w[1].mul_add(x[1], z * x[2]) * inverse_rho;
         let s1 = w[1].mul_add(x[2], -(z * x[1])) * inverse_rho;
         let [first, second] = self.joints;
-        local.cos_sin[first] = (c1, s1);
         local.cos_sin[second] = (c2, s2);
+        local.cos_sin[first] = (c1, s1);
         let b = axes.col(0);
         let c = (axes.col(1) * c1).add_scaled(axes.col(2), s1);
         let inverse_root = T::ONE / r.dot(b.cross(c));

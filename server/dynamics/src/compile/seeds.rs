@@ -23,7 +23,7 @@ use crate::workspace::{Needs, Workspace};
 /// independent by the number of independents.
 const BYTES: usize = 256 << 10;
 const NODES: usize = 2048;
-const ALONG: [usize; MOST] = [129, 41, 9];
+const ALONG: [usize; MOST] = [129, 41, 12];
 const LEAST_ALONG: usize = 4;
 /// Longest travel of a sliding independent without limits, in cluster lengths.
 const SLIDE: f64 = 2.0;

@@ -223,7 +223,9 @@
 //! Two or three steps of Newton's method from the table solve these rows, by the rule of acceptance
 //! of all; the inverse of the last, with one step of refinement, serves G and g. n and m follow
 //! as those of a rod of 2SURRPR+1U. Singular where the rows are, and where z = 0, the rod along the
-//! first axis of its universal joint; the declared rows are so too.
+//! first axis of its universal joint; the declared rows are so too. A link of a plane or a
+//! spherical linkage, on a hinge and with a pin, is such a rod: from a point P of the hinge's axis
+//! to the pin, with n alone for its turns. A third turn of a rod about itself is idle.
 //!
 //! These forms answer a request without a guess at a pose to which the straight path from the zero
 //! pose is known to be regular: loading has compared them with Newton's method at every node of a

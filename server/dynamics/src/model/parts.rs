@@ -81,7 +81,8 @@ fn dyads(of: &Dyads<f64>) -> Vec<(&'static str, Vec<usize>)> {
 
 fn rods(of: &Rods<f64>) -> Vec<(&'static str, Vec<usize>)> {
     let lengths = ("newton", of.unknowns.iter().map(|dof| dof.v).collect());
-    let turns = of.rods.iter().map(|rod| ("rod", rod.turns.to_vec()));
+    let mut turns: Vec<_> = of.rods.iter().map(|rod| ("rod", rod.turns.to_vec())).collect();
+    turns.iter_mut().for_each(|(_, of_rod)| of_rod.dedup());
     [lengths].into_iter().chain(turns).collect()
 }
 

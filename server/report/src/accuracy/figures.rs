@@ -3,7 +3,7 @@
 use super::methods::Method;
 use super::{id, runner, title};
 use crate::Outcome;
-use crate::page::{Axis, Figure, PEERS, Point, Series};
+use crate::page::{Axis, Figure, Point, Series, is_peer};
 use crate::peer;
 use crate::reference::References;
 use crate::robots::{Question, Robot, Start, Subject};
@@ -31,30 +31,23 @@ const EQUAL: f64 = 1e-11;
 /// The stated aim as a line: inverse dynamics in an eighth and forward dynamics in a fifth of the
 /// time of the fastest peer of equal error, derivatives in 3.5 times the time of their question.
 pub(super) fn aim(figure: &Figure, question: Question, methods: &[Method]) -> Option<Series> {
-    let is_peer = |of: &&Series| PEERS.iter().any(|peer| of.name.starts_with(peer));
-    let peers = || figure.series.iter().filter(is_peer).flat_map(|of| &of.points);
-    let fastest = || peers().filter(|of| of.y <= EQUAL).map(|of| of.x).min_by(f64::total_cmp);
+    use Question::*;
+    let peers = figure.series.iter().filter(|of| is_peer(&of.name)).flat_map(|of| &of.points);
+    let fastest = peers.filter(|of| of.y <= EQUAL).map(|of| of.x).min_by(f64::total_cmp);
     let own = |plain| methods.iter().find(|of| of.default && of.question == plain).map(|of| of.ns);
-    let of_peer = "of the time of the fastest peer of equal error";
     let (x, name) = match question {
-        Question::InverseDynamics => (fastest()? / 8.0, format!("aim: an eighth {of_peer}")),
-        Question::ForwardDynamics => (fastest()? / 5.0, format!("aim: a fifth {of_peer}")),
-        Question::InverseDerivatives => {
-            (3.5 * own(Question::InverseDynamics)?, "aim: 3.5 times inverse dynamics".to_owned())
-        }
-        Question::ForwardDerivatives => {
-            (3.5 * own(Question::ForwardDynamics)?, "aim: 3.5 times forward dynamics".to_owned())
-        }
+        InverseDynamics => (fastest? / 8.0, "aim: an eighth of the fastest peer of equal error"),
+        ForwardDynamics => (fastest? / 5.0, "aim: a fifth of the fastest peer of equal error"),
+        InverseDerivatives => (3.5 * own(InverseDynamics)?, "aim: 3.5 times inverse dynamics"),
+        ForwardDerivatives => (3.5 * own(ForwardDynamics)?, "aim: 3.5 times forward dynamics"),
         _ => return None,
     };
     let errors = figure.series.iter().flat_map(|of| &of.points).map(|of| of.y);
-    let errors: Vec<f64> = errors.filter(|y| *y > 0.0 && y.is_finite()).collect();
-    let ends = [
-        errors.iter().copied().min_by(f64::total_cmp)?,
-        errors.into_iter().max_by(f64::total_cmp)?,
-    ];
+    let mut errors: Vec<f64> = errors.filter(|y| *y > 0.0 && y.is_finite()).collect();
+    errors.sort_by(f64::total_cmp);
+    let ends = [*errors.first()?, *errors.last()?];
     let points = ends.map(|y| Point { x, y, label: "aim".into() }).into();
-    Some(Series { name, line: true, competes: false, points })
+    Some(Series { name: name.into(), line: true, competes: false, points })
 }
 
 pub(super) fn figure<'a>(

@@ -151,20 +151,16 @@ fn robot_figures(
         }
         figures.push(figure);
     }
+    // the same span of times and of errors in figures of one kind
     for figures in figures.chunks_mut(Question::CHOSEN.len()) {
-        share_axes(figures);
+        let points = figures.iter().flat_map(|figure| &figure.series).flat_map(|of| &of.points);
+        let drawn = points.filter(|of| of.x.is_finite() && of.y.is_finite());
+        let (xs, ys): (Vec<f64>, Vec<f64>) = drawn.map(|of| (of.x, of.y)).unzip();
+        for figure in figures {
+            (figure.x.shared, figure.y.shared) = (xs.clone(), ys.clone());
+        }
     }
     Ok((figures, methods, missing))
-}
-
-/// Gives some figures the same span of times and of errors.
-fn share_axes(figures: &mut [Figure]) {
-    let points = figures.iter().flat_map(|figure| &figure.series).flat_map(|of| &of.points);
-    let drawn = points.filter(|of| of.x.is_finite() && of.y.is_finite());
-    let (xs, ys): (Vec<f64>, Vec<f64>) = drawn.map(|of| (of.x, of.y)).unzip();
-    for figure in figures {
-        (figure.x.shared, figure.y.shared) = (xs.clone(), ys.clone());
-    }
 }
 
 #[cfg(test)]

@@ -112,7 +112,7 @@ impl Runner for Implicit {
 pub(super) struct Differences {
     plain: Planned,
     step: f64,
-    /// For each derivative, the first number of its variable, its place in the answer and its shape.
+    /// For each derivative the first number of its variable, and its slot in the answer.
     parts: Vec<(usize, Slot)>,
     answer: Vec<f64>,
 }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Point};
 use super::section::{Assessment, Case, Report, Section, Table, columns};
 use crate::Outcome;
-use crate::csv_rows::{LineEnd, write};
+use crate::csv_rows::write;
 
 /// The whole report, for scripts. A number that is not finite is null.
 pub(super) fn json(report: &Report) -> Value {
@@ -102,7 +102,7 @@ fn number(x: f64) -> String {
 
 /// A table as RFC 4180 has it.
 pub(super) fn csv(table: &Table) -> Outcome<String> {
-    write(std::iter::once(&table.columns).chain(&table.rows), LineEnd::CrLf)
+    write(std::iter::once(&table.columns).chain(&table.rows))
 }
 
 #[cfg(test)]
@@ -119,7 +119,7 @@ mod tests {
             rows: vec![words(&["say \"x\"", "1"])],
             ..Table::default()
         };
-        assert_eq!(csv(&table).unwrap(), "a,\"b,c\"\r\n\"say \"\"x\"\"\",1\r\n");
+        assert_eq!(csv(&table).unwrap(), "a,\"b,c\"\n\"say \"\"x\"\"\",1\n");
     }
 
     #[test]

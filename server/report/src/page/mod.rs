@@ -15,6 +15,6 @@ mod section;
 mod tests;
 
 pub use self::figure::{Axis, DRAWN_FOR_ZERO, Figure, Point, Series};
-pub(crate) use self::pareto::{PEERS, PROGRAMS, exponent, pareto_front};
+pub(crate) use self::pareto::{PEERS, PROGRAMS, exponent, is_peer, pareto_front};
 pub use self::section::{Assessment, Case, Report, Section, Table};
 pub(crate) use self::section::{columns, command};

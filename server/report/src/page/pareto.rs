@@ -12,7 +12,7 @@ pub(crate) const PROGRAMS: [&str; 5] = ["pinocchio", "mujoco", "simbody", "drake
 pub(super) const ROUNDING: f64 = 1e-14;
 
 /// True for the series of another engine.
-fn is_peer(name: &str) -> bool {
+pub(crate) fn is_peer(name: &str) -> bool {
     PEERS.iter().any(|peer| name.starts_with(peer))
 }
 

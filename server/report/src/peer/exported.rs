@@ -14,7 +14,10 @@ use crate::Outcome;
 use crate::robots::{Own, Planned, Robot, Subject};
 
 /// The program.
-const PROGRAM: &str = include_str!("exported.py");
+const PROGRAM: &str = concat!(
+    "import sys; sys.path = [of for of in sys.path if of] # none of the current folder\n",
+    include_str!("exported.py")
+);
 /// Its exit code where a package is missing.
 const MISSING: i32 = 3;
 /// Random states.

@@ -219,14 +219,14 @@ impl<'a> Simulator<'a> {
         if !self.has_rows_within() {
             return Ok(true);
         }
-        let after = mem::replace(&mut self.engine.anchor, from.clone());
-        let (t, x) = (self.t, self.x.clone());
+        let anchor = mem::replace(&mut self.engine.anchor, from.clone());
+        let after = (self.t, self.x.clone(), anchor);
         let mut is_fine = true;
-        while is_fine && self.settings.sample_after(*sampled) < t {
+        while is_fine && self.settings.sample_after(*sampled) < after.0 {
             self.t = self.settings.sample_after(*sampled);
-            let between = self.stepper.within(self.t, [&from.rate, &after.rate]);
-            is_fine = between.is_some_and(|between| {
-                self.x = between;
+            let x = self.stepper.within(self.t, [&from.rate, &after.2.rate]);
+            is_fine = x.is_some_and(|x| {
+                self.x = x;
                 self.engine.settle(self.t, &mut self.x) == Status::Ok
             });
             if is_fine {
@@ -235,7 +235,7 @@ impl<'a> Simulator<'a> {
             }
         }
         self.engine.take_failure();
-        (self.t, self.x, self.engine.anchor) = (t, x, after);
+        (self.t, self.x, self.engine.anchor) = after;
         Ok(is_fine)
     }
 

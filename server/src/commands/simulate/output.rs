@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use sarrus_models::Loaded;
-use sarrus_report::csv_rows::{self, LineEnd};
+use sarrus_report::csv_rows;
 use sarrus_simulation::{EventKind, Exceeded, Method, Run, Sample};
 use serde_json::{Value, json};
 
@@ -180,7 +180,7 @@ fn csv(loaded: &Loaded, run: &Run) -> Result<String, String> {
     let mut rows: Vec<Vec<String>> = vec![columns.iter().map(|(name, _)| name.clone()).collect()];
     let cells = |sample| columns.iter().map(|(_, of)| format!("{:?}", of(sample))).collect();
     rows.extend(run.samples.iter().map(cells));
-    csv_rows::write(&rows, LineEnd::Lf).map_err(|error| error.to_string())
+    csv_rows::write(&rows).map_err(|error| error.to_string())
 }
 
 fn words(kind: &EventKind) -> String {

@@ -56,8 +56,8 @@ def convert(
     return robot
 
 
-def text(path: str | os.PathLike[str], *, lenient: bool = False) -> bytes:
-    """Convert a file to a URDF in a process of its own, with bounded memory and time.
+def text(path: str | os.PathLike[str], *, lenient: bool = False) -> tuple[bytes, list[str]]:
+    """Convert a file to a URDF, with notes, in a process of its own of bounded memory and time.
 
     A reader in C that a damaged file makes crash ends that process only.
     """
@@ -81,8 +81,9 @@ def text(path: str | os.PathLike[str], *, lenient: bool = False) -> bytes:
         )
     except subprocess.TimeoutExpired as error:
         raise LoadError(f"{path}: its reader takes more than {LONGEST} s", []) from error
+    said = done.stderr.decode(errors="replace").splitlines()
     if done.returncode == 0:
-        return done.stdout
-    said = [of for of in done.stderr.decode(errors="replace").splitlines() if of[:7] == "error: "]
+        return done.stdout, said
+    said = [of for of in said if of[:7] == "error: "]
     ended = f"{path}: its reader ended with {done.returncode}"
     raise LoadError(said[-1][7:] if said else ended, [])

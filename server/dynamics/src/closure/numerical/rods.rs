@@ -8,7 +8,8 @@
 //! and Newton's method solves these for the other dependents from a seed, by the rule of
 //! [`super::newton`]. The two turns follow in closed form ([`Universal`]), with the sign of the
 //! root at the zero pose: inside the cells of a table it cannot change, as the declared rows are
-//! singular where the root is zero.
+//! singular where the root is zero. A link of a plane or spherical linkage that turns on a hinge is
+//! such a rod too, from the hinge's axis to its pin: there the distance across the axis decides.
 
 use nalgebra::Vector3;
 
@@ -153,6 +154,7 @@ impl<T: Real> Rods<T> {
     ) -> Validity<T> {
         match self.unknowns.len() {
             6 if T::UNROLLED => self.close_for::<6>(cluster, bodies, local, level),
+            2 if T::UNROLLED => self.close_for::<2>(cluster, bodies, local, level),
             _ => self.close_for::<0>(cluster, bodies, local, level),
         }
     }
@@ -491,18 +493,20 @@ impl<T: Real> Rod<T> {
             let [[w, v], [w_ball, v_ball]] = [twist[of_carrier][k], twist[of_ball][k]];
             (v_ball - v).add_cross(w_ball - w, at.ball)
         };
+        // the second turn first: those of a hinge are one
+        let [first, second] = self.turns;
         let mut rates = [T::ZERO; 2];
         for k in 0..n {
             let of_turns = rod.solve(&apart(k));
-            for (i, v) in self.turns.into_iter().enumerate() {
-                local.G[v * n + k] = of_turns[i];
-                rates[i] = of_turns[i].mul_add(local.qd[cluster.independent[k]], rates[i]);
-            }
+            local.G[second * n + k] = of_turns[1];
+            local.G[first * n + k] = of_turns[0];
+            let qd = local.qd[cluster.independent[k]];
+            rates = [0, 1].map(|i| of_turns[i].mul_add(qd, rates[i]));
         }
         if level == Level::Jacobian {
             return validity;
         }
-        let set = |to: &mut [T], x: [T; 2]| self.turns.iter().zip(x).for_each(|(v, x)| to[*v] = x);
+        let set = |to: &mut [T], x: [T; 2]| (to[second], to[first]) = (x[1], x[0]);
         set(local.qd, rates);
         if level == Level::Acceleration {
             let scratch = &*local.scratch;
