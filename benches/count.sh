@@ -7,7 +7,7 @@
 #   benches/count.sh --check --bound 1   the same with another bound, in percent
 #   benches/count.sh --update            write this compiler's column of benches/instructions.tsv
 # Each case runs four times through 16 states (bridge: 16 cycles) under callgrind, which collects no
-# counts while the robot loads; one case per processor at once. Without valgrind, or without a
+# counts while the robot loads; one robot per processor at once. Without valgrind, or without a
 # baseline for this compiler, the script prints "not run" and exits with 0.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -65,16 +65,32 @@ usage() {
     exit 2
 }
 
-# --- one case, as this script starts itself -------------------------------------------------------
+# --- cases of one robot, as this script starts itself ---------------------------------------------
 
-if [ "${1:-}" = --one ]; then
-    # SARRUS_COUNTED: the program
-    valgrind --tool=callgrind --callgrind-out-file=/dev/null \
-        --toggle-collect='sarrus_benches::*::passes*' "$SARRUS_COUNTED" --count "$2" 4 2>&1 |
-        awk -v name="$2" '
-            /Collected :/ && $NF > 0 { printf "%s\t%.0f\n", name, $NF / 64; found = 1 }
-            { last = $0 }
-            END { if (!found) { print name ": " last > "/dev/stderr"; exit 1 } }'
+if [ "${1:-}" = --some ]; then
+    # SARRUS_COUNTED: the program; it writes a part of the file for each case
+    out=$(mktemp -d)
+    trap 'rm -rf "$out"' EXIT
+    valgrind --tool=callgrind --callgrind-out-file="$out/part" --dump-after='*passes*' \
+        --toggle-collect='sarrus_benches::*::passes*' "$SARRUS_COUNTED" --count "$2" 4 \
+        >"$out/words" 2>&1 || {
+        tail -n 1 "$out/words" >&2
+        exit 1
+    }
+    part=0
+    for name in ${2//,/ }; do
+        part=$((part + 1))
+        # a cycle of the bridge is a part of its own
+        parts=("$out/part.$part")
+        [[ $2 == *,* ]] || parts=("$out"/part*)
+        awk -v name="$name" '
+            /^totals:/ { sum += $2 }
+            END {
+                if (sum > 0) { printf "%s\t%.0f\n", name, sum / 64; exit 0 }
+                print name ": no count" > "/dev/stderr"
+                exit 1
+            }' "${parts[@]}"
+    done
     exit
 fi
 
@@ -111,7 +127,14 @@ cargo build --quiet --locked --release --workspace --bin sarrus-benches --exampl
 SARRUS_COUNTED=${CARGO_TARGET_DIR:-target}/release/sarrus-benches
 export SARRUS_COUNTED
 # shellcheck disable=SC2086
-found=$(printf '%s\n' $cases | xargs -n 1 -P "$(nproc)" benches/count.sh --one)
+found=$(printf '%s\n' $cases |
+    awk -F / '
+        # cases of one robot and one way to close it share the loading
+        { key = $1 == "bridge" ? $0 : $1 "/" $2 }
+        !(key in of) { keys[++n] = key }
+        { of[key] = (key in of ? of[key] "," : "") $0 }
+        END { for (k = 1; k <= n; k++) print of[keys[k]] }' |
+    xargs -n 1 -P "$(nproc)" benches/count.sh --some)
 counts=$(awk -F '\t' 'NR == FNR { count[$1] = $2; next } $1 in count { print $1 "\t" count[$1] }' \
     <(echo "$found") <(echo "$cases"))
 

@@ -23,6 +23,8 @@ use crate::workspace::{Needs, Workspace};
 /// independent by the number of independents.
 const BYTES: usize = 256 << 10;
 const NODES: usize = 2048;
+/// Dependents of all nodes of a table together: loading closes the loops at each node.
+const WORK: usize = 17_000;
 const ALONG: [usize; MOST] = [129, 41, 12];
 const LEAST_ALONG: usize = 4;
 /// Longest travel of a sliding independent without limits, in cluster lengths.
@@ -156,7 +158,7 @@ impl Table<'_> {
 
         // nodes along each independent
         let of_table = (BYTES / tables / (stride * size_of::<f32>())) >> n;
-        let of_table = of_table.min(NODES / tables);
+        let of_table = of_table.min(NODES / tables).min(WORK / cluster.dependent.len());
         let along = (1..=ALONG[n - 1]).rev().find(|along| along.pow(n as u32) <= of_table)?;
         if along < LEAST_ALONG {
             return None;
