@@ -94,7 +94,7 @@ fn a_curve_that_is_none_is_refused_with_its_place() {
         ("table=\"0 0 1 1\"", "a table of 3 to 256 points"),
         ("table=\"0 0 1 1 2\"", "a table of 3 to 256 points"),
         ("table=\"0 0 1 1 1 2 3 4\"", "with rising q"),
-        ("table=\"0 0 1e-200 1 1 2 3 4\"", "points that are not too close"),
+        ("table=\"0 0 1e-200 1 1 2 3 4\"", "no step below 1e-5 of the largest"),
         ("table=\"0 0 1 nan 2 2\"", "is not finite"),
     ] {
         let urdf = super::with(URDF, depends, by);

@@ -2,14 +2,14 @@
 //! all of their rows.
 
 use sarrus_dynamics::Field::Q;
-use sarrus_dynamics::description::SubmechanismKind as Kind;
+use sarrus_dynamics::description::{Cut, SubmechanismKind as Kind};
 use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_tests::cases::Case;
 use sarrus_tests::draft::Draft;
 use sarrus_tests::rigid::{Vector, add, cross, unit};
 use sarrus_tests::seed::Seeded;
 
-use super::{Fields, X, Y_AXIS, Z, answers, answers_near, numerical, robots, share};
+use super::{Fields, X, Y_AXIS, Z, answers, answers_near, compile, numerical, robots, share};
 
 /// A platform on six rods from three cranks, parallel pairs or not; cranks, or joints of the
 /// platform, are independent. The universal joint of a rod is at either end. With `spins` some rods
@@ -227,4 +227,33 @@ fn delta_and_active_ankle_stand_where_all_of_their_rows_have_them() {
         }
     }
     println!("{worst:.1e} of what is allowed");
+}
+
+#[test]
+fn pins_apart_where_no_row_sees_it_close_the_same_rows() {
+    for (name, axis) in [("agile_eye", 0), ("three_rrr", 2)] {
+        for gap in [1e-12, 1e-9, 1e-6, 1e-2] {
+            let mut description = Case::bundled(name).description;
+            let Cut::Placed { successor, .. } = &mut description.submechanisms[0].loops[0].cut
+            else {
+                panic!("{name} has no placed cut")
+            };
+            successor.xyz[axis] += gap;
+            let form = compile(&description);
+            let parts = form.model.closures_at_zero().remove(0).parts;
+            assert_eq!(parts.iter().filter(|part| part.method == "rod").count(), 2, "{parts:?}");
+            let mut mine_of = robots(&form).0;
+            let mut exact_of = robots(&numerical(&description)).1;
+            let mut seeded = Seeded::new(7);
+            for _ in 0..50 {
+                let y = seeded.numbers(3, 0.1);
+                let yd = seeded.numbers(3, 1.0);
+                let cast = |x: (Fields<f64>, Fields<f64>)| (x.0.map(Dd::from), x.1.map(Dd::from));
+                let mine = cast(answers(&mut mine_of, &y, &yd).expect("a pose"));
+                let exact = answers(&mut exact_of, &y, &yd).expect("a pose");
+                let worst = share(&mine, &exact, 64.0 / 100.0 * <f64 as Real>::EPSILON, 0.3);
+                assert!(worst <= 1.0, "{name}, {gap:e} at {y:?}: {worst}");
+            }
+        }
+    }
 }

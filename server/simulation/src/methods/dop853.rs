@@ -151,10 +151,6 @@ impl Stepper for Dop853 {
         self.method = None;
     }
 
-    fn is_dense(&self) -> bool {
-        true
-    }
-
     /// By the polynomial of order seven H(s) + s² (1 − s)² Q(s), where H is the cubic through both
     /// ends. The crate takes Q(1 − s) for Q(s), so it is asked at the mirrored time.
     fn within(&mut self, t: f64, [first, last]: [&[f64]; 2]) -> Option<Vec<f64>> {

@@ -33,12 +33,7 @@ pub(crate) trait Stepper {
     /// history.
     fn restart(&mut self);
 
-    /// True where states within a step are interpolated; others step onto each row.
-    fn is_dense(&self) -> bool {
-        false
-    }
-
-    /// x at a time within the last step, from ẋ at its ends.
+    /// x at a time within the last step, from ẋ at its ends; of DOP853.
     fn within(&mut self, _t: f64, _rates: [&[f64]; 2]) -> Option<Vec<f64>> {
         None
     }

@@ -7,7 +7,7 @@ use sarrus_dynamics::scalar::Dd;
 
 use super::events::{Event, EventKind};
 use super::output::{End, Run, Sample};
-use super::settings::{Settings, Stops};
+use super::settings::{Method, Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
 use super::switching::{NEAR, Watch};
@@ -187,7 +187,7 @@ impl<'a> Simulator<'a> {
 
     /// True where rows do not end steps.
     fn has_rows_within(&self) -> bool {
-        self.stepper.is_dense() && self.settings.every.is_some()
+        self.settings.method == Method::Dop853 && self.settings.every.is_some()
     }
 
     /// Samples the rows within a step from `before`, or takes it back.

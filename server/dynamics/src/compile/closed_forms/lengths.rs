@@ -117,7 +117,7 @@ fn hinge(
     of: &Reading<'_>,
     cut: &Cut<Dd>,
     joint: usize,
-    pin: &Vector3<Dd>,
+    [pin, gap]: [&Vector3<Dd>; 2],
 ) -> Result<(platform::Universal, f64), String> {
     let pose = &of.zero[joint + 1];
     let n = axis(pose);
@@ -142,14 +142,17 @@ fn hinge(
         true => s.abs().to_f64() + n.dot(axis(&of.zero[j + 1])).abs().to_f64(),
         false => size(&(moment(j)[0] * s).add_scaled(moment(j)[1], c)),
     });
-    // from the point of a spherical linkage every pin has the same distance: as far away as the pin
-    let center = if s.abs().to_f64() > DEGENERATE {
+    // from the point of a spherical linkage every pin has the same distance: as far away as the
+    // pin; the other end of the cut may be elsewhere on the line to it, or across the plane
+    let (center, way) = if s.abs().to_f64() > DEGENERATE {
         let point = pose.p.add_scaled(n, c / s * Dd::from(of.cluster.length));
-        point.add_scaled(n, norm(&(*pin - point)))
+        let r: Vector3<Dd> = *pin - point;
+        (point.add_scaled(n, norm(&r)), r * (Dd::ONE / norm(&r)))
     } else {
-        foot
+        (foot, n)
     };
-    Ok((platform::Universal { axes, center, distance: Dd::ZERO }, apart.fold(0.0, f64::max)))
+    let apart = apart.fold(size(&(*gap).cross(way)) / of.cluster.length, f64::max);
+    Ok((platform::Universal { axes, center, distance: Dd::ZERO }, apart))
 }
 
 /// A rod; the columns of its path are those of all joints.
@@ -168,7 +171,8 @@ fn rod(
     let pin = of.zero[own].point(&x_own.p);
     let [first, second] = joints;
     let (at, what, apart) = if first == second {
-        let (at, apart) = hinge(of, cut, first, &pin)?;
+        let gap = of.zero[other].point(&x_other.p) - pin;
+        let (at, apart) = hinge(of, cut, first, [&pin, &gap])?;
         (at, "loop is neither in a plane nor about a point, hinge", apart)
     } else {
         let at = platform::universal(of, joints, deviations)?;
@@ -208,7 +212,7 @@ fn rod(
         turns: joints,
         bodies: [carrier, other],
         center: of.zero[carrier].inverse().point(&at.center),
-        ball: x_other.p,
+        ball: if first == second { of.zero[other].inverse().point(&pin) } else { x_other.p },
         inverse_length: Dd::ONE / length,
         path: path.map(mover).collect(),
     })

@@ -75,8 +75,31 @@ fn numbers_that_make_no_curve_are_told() {
         table(&[[0.0, 0.0], [f64::NAN, 1.0], [2.0, 0.0]]),
         table(&[[0.0, 0.0], [1.0, f64::INFINITY], [2.0, 0.0]]),
         table(&[[0.0, 0.0], [1e-300, 1.0], [2.0, 0.0]]),
+        table(&[[0.0, 0.0], [1e100, 1.0], [2e100, 0.0]]),
+        table(&[[0.0, 0.0], [1e-6, 1.0], [2.0, 0.0]]),
         table(&vec![[0.0; 2]; MOST_POINTS + 1]),
+        Curve::Polynomial { about: 1e300, coefficients: vec![0.0, 1.0, 1.0] },
     ] {
         assert!(curve_fault(&curve).is_some(), "{curve:?}");
+    }
+}
+
+#[test]
+fn points_that_are_close_cost_no_digits() {
+    // of the sine at -1, 0, h and 1; by fractions
+    for (h, exact) in [(1e-3, 0.474_418_208_561_987_74), (1.1e-5, 0.474_404_323_823_096_4)] {
+        let sine = |x: f64| [x, f64::sin(x)];
+        let curve = Curve::Table([-1.0, 0.0, h, 1.0].map(sine).to_vec());
+        let found = curve_at(&curve, 0.5)[0];
+        assert!((found - exact).abs() < 1e-14, "{h}: {found}");
+        let pieces = pieces(&curve);
+        for (k, x) in [-1.0, 0.0, h, 1.0].into_iter().enumerate() {
+            let [before, after] = [k, k + 1].map(|piece| by_piece(&pieces, piece, x));
+            for n in 0..3 {
+                assert!((before[n] - after[n]).abs() < 1e-12, "{h}, {x}: {before:?} {after:?}");
+            }
+        }
+        let [off, bend] = table_fit(&curve).unwrap();
+        assert!(off < 1e-15 && bend < 1.0, "{h}: {off:e} {bend}");
     }
 }
