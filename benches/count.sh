@@ -131,8 +131,8 @@ found=$(printf '%s\n' $cases |
     awk -F / '
         # cases of one robot and one way to close it share the loading
         { key = $1 == "bridge" ? $0 : $1 "/" $2 }
-        !(key in of) { keys[++n] = key }
-        { of[key] = (key in of ? of[key] "," : "") $0 }
+        key in of { of[key] = of[key] "," $0; next }
+        { keys[++n] = key; of[key] = $0 }
         END { for (k = 1; k <= n; k++) print of[keys[k]] }' |
     xargs -n 1 -P "$(nproc)" benches/count.sh --some)
 counts=$(awk -F '\t' 'NR == FNR { count[$1] = $2; next } $1 in count { print $1 "\t" count[$1] }' \
