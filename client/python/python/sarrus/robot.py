@@ -97,10 +97,10 @@ class Robot(TaskRobot):
         options = parts(gravity, lenient, floating_base, lock, only)
         if convert.reads(urdf):
             text, said = convert.text(urdf, lenient=lenient)
-            *texts, notes = _native.imported(urdf, text, lenient)
+            tree, loops, notes = _native.imported(urdf, text, lenient)
             if submechanisms is not None:
-                texts, notes = [text, Path(submechanisms).read_bytes()], []
-            robot = cls(_native.Origin.text(*texts, options))
+                tree, loops, notes = text, Path(submechanisms).read_bytes(), []
+            robot = cls(_native.Origin.text(tree, loops, options))
             robot._converted = said + notes
             return robot
         return cls(_native.Origin.files(urdf, submechanisms, options))
