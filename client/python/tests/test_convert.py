@@ -287,12 +287,12 @@ class Lua(Files):
         notes = convert.convert(self.file("rrpr.lua", RRPR)).notes
         self.assertTrue(notes)
         for note in notes:
-            self.assertTrue(any(note in of for of in robot.notes), robot.notes)
+            self.assertTrue(any(note in of for of in robot.reader_notes), robot.reader_notes)
         model = "<mujoco><worldbody><body><joint name='a'/><geom size='1'/></body></worldbody>"
         model += "<option timestep='0.001'/></mujoco>"
         robot = sarrus.Robot.load(self.file("arm.xml", model))
-        self.assertTrue(any("timestep" in note for note in robot.notes), robot.notes)
-        self.assertEqual(sarrus.Robot.bundled("lambda").notes, [])
+        self.assertTrue(any("timestep" in note for note in robot.reader_notes), robot.reader_notes)
+        self.assertEqual(sarrus.Robot.bundled("lambda").reader_notes, [])
 
     def test_modules_of_the_current_folder_are_not_those_of_the_reader(self):
         self.file("lupa.py", "raise SystemExit('mine')")

@@ -166,13 +166,13 @@ class Words(unittest.TestCase):
 
     def test_attributes_of_a_robot_go_with_it(self):
         robot = Tagged.bundled("lambda")
-        robot.label, robot.remarks = "left", ["first"]
+        robot.label, robot.notes = "left", ["first"]
         # kept by the robot itself, and made anew
         self.assertEqual(robot.joints, self.robot.joints)
         robot.mass_matrix([0.1])
         for other in (pickle.loads(pickle.dumps(robot)), copy.copy(robot), copy.deepcopy(robot)):
-            self.assertEqual((type(other), other.label, other.remarks), (Tagged, "left", ["first"]))
-            self.assertEqual({*vars(other)}, {"label", "remarks"})
+            self.assertEqual((type(other), other.label, other.notes), (Tagged, "left", ["first"]))
+            self.assertEqual({*vars(other)}, {"label", "notes"})
             np.testing.assert_array_equal(other.mass_matrix([0.1]), robot.mass_matrix([0.1]))
 
 

@@ -1,4 +1,4 @@
-//! Writes and reads rows of cells as CSV (RFC 4180).
+//! Writes and reads rows of cells as CSV, quoted as in RFC 4180; lines end with a line feed.
 //!
 //! A cell with a comma, a quote or a line end is quoted, and read back unchanged. A number in its
 //! shortest exact form (`{:?}`) keeps its bits.

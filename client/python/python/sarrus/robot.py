@@ -36,8 +36,8 @@ class Robot(TaskRobot):
     # notes of a conversion by another process
     _converted: Sequence[str] = ()
 
-    @property
-    def notes(self) -> list[str]:
+    @cached_property
+    def reader_notes(self) -> list[str]:
         """Choices of the files' reader, and parts without influence on the dynamics, a line each.
 
         The files are read again. Of a server's robot there are none.

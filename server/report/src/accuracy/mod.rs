@@ -140,9 +140,7 @@ fn robot_figures(
     let mut figures = Vec::new();
     for (question, name, _) in QUESTIONS {
         let of = methods.iter().filter(|of| of.question == question);
-        if of.clone().next().is_none() {
-            continue;
-        }
+        let Some(_) = of.clone().next() else { continue };
         let mut figure = figure(robot, question, name, of);
         figure.series.extend(of_peer(robot, &mut references, &runs, question)?);
         figure.series.extend(aim(&figure, question, &methods));

@@ -100,7 +100,7 @@ fn number(x: f64) -> String {
     if whole.len() <= 8 { whole } else { format!("{x:.4e}") }
 }
 
-/// A table as RFC 4180 has it.
+/// A table as CSV.
 pub(super) fn csv(table: &Table) -> Outcome<String> {
     write(std::iter::once(&table.columns).chain(&table.rows))
 }

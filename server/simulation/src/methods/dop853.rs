@@ -86,6 +86,7 @@ impl Dop853 {
 impl Stepper for Dop853 {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
         let under_way = self.method.take().filter(|_| !self.stale);
+        self.stale = false;
         let mut method = match under_way.map_or_else(|| self.start(engine, *t, x), Ok) {
             Ok(method) => method,
             Err(attempt) => return attempt,

@@ -216,7 +216,7 @@ impl<'a> Simulator<'a> {
     /// Samples the rows within the last step, which began at this state; false where one of them
     /// has no answer.
     fn sample_within(&mut self, from: &Anchor, sampled: &mut u64) -> Result<bool, SimulationError> {
-        if !self.has_rows_within() {
+        if !self.has_rows_within() || self.settings.sample_after(*sampled) >= self.t {
             return Ok(true);
         }
         let anchor = mem::replace(&mut self.engine.anchor, from.clone());
