@@ -103,22 +103,31 @@ fn is_all(parts: &[Part], method: &str) -> bool {
 
 #[test]
 fn chains_of_pairs_are_closed_as_by_newtons_method_on_their_rows() {
-    let count = compared(180, false);
+    let count = compared(180, |seed| chain(seed, seed % 5 == 0, false), are_dyads);
     assert!(count[0] > 100 && count[1] > 5000 && count[2] > 200, "{count:?}");
 }
 
 #[test]
 fn chains_of_pairs_with_sliders_are_closed_as_by_newtons_method_on_their_rows() {
-    let count = compared(300, true);
+    let count = compared(300, |seed| chain(seed, seed % 5 == 0, true), are_dyads);
     assert!(count[0] > 100 && count[1] > 5000 && count[2] > 200, "{count:?}");
 }
 
-/// How many chains, states, and states in double-double were compared.
-fn compared(seeds: u64, sliders: bool) -> [usize; 3] {
+fn are_dyads(parts: &[Part]) -> bool {
+    let is_pair = |part: &Part| part.rows == 2 && part.joints.len() == 2;
+    is_all(parts, "dyad") && (parts.iter().all(is_pair) || panic!("{parts:?}"))
+}
+
+/// How many mechanisms in these closed forms, states, and states in double-double were compared.
+pub(super) fn compared(
+    seeds: u64,
+    draw: impl Fn(u64) -> Draft,
+    is_form: impl Fn(&[Part]) -> bool,
+) -> [usize; 3] {
     let mut worst = [0.0_f64; 2];
     let mut count = [0; 3];
     for seed in 0..seeds {
-        let draft = chain(seed, seed % 5 == 0, sliders);
+        let draft = draw(seed);
         let description = &draft.description();
         // sliders alone may leave a loop open or idle
         let Ok(form) = Model::compile(description) else { continue };
@@ -126,11 +135,11 @@ fn compared(seeds: u64, sliders: bool) -> [usize; 3] {
         assert_ne!(newton.model.fingerprint(), form.model.fingerprint(), "seed {seed}");
         let parts = methods(&form);
         // a zero pose near a dead point, or many loops, has no table
-        if !is_all(&parts, "dyad") {
+        if !is_form(&parts) {
             continue;
         }
-        assert!(is_all(&methods(&newton), "newton"), "seed {seed}");
-        assert!(parts.iter().all(|part| part.rows == 2 && part.joints.len() == 2), "{parts:?}");
+        let rows = methods(&newton);
+        assert!(rows.iter().all(|part| ["newton", "linear"].contains(&part.method)), "seed {seed}");
         let (mut mine_of, mut exact_of) = robots(&form);
         let (mut newtons_of, _) = robots(&newton);
         let mut seeded = Seeded::new(seed + 900);

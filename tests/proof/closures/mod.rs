@@ -1,6 +1,7 @@
 //! Each closed form against Newton's method on the same mechanism, in both scalars, on random
 //! geometries.
 
+mod chains;
 mod cranks;
 mod drawn;
 mod dyads;

@@ -43,16 +43,8 @@ pub(crate) enum Step<T> {
     SlidingPair(SlidingPair<T>),
 }
 
-impl<C: nalgebra::Scalar + Copy> Step<C> {
-    /// Converts every constant to another scalar.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Step<D> {
-        match self {
-            Step::Driven(driven) => Step::Driven(driven.map(f)),
-            Step::Pair(pair) => Step::Pair(pair.map(f)),
-            Step::DrivenSlide(driven) => Step::DrivenSlide(driven.map(f)),
-            Step::SlidingPair(pair) => Step::SlidingPair(pair.map(f)),
-        }
-    }
+constants! { enum Step:
+    map Driven Pair DrivenSlide SlidingPair;
 }
 
 /// A link that an independent joint turns against one before it.

@@ -86,6 +86,9 @@ pub(crate) struct Scratch<T> {
     pub(crate) gain: Vec<T>,
     /// Newton's last step.
     pub(crate) step: Vec<T>,
+    /// Of a block by itself: coordinates, velocities, which are zero, cosines and sines (n each).
+    pub(crate) of_part: [Vec<T>; 2],
+    pub(crate) turns_of_part: Vec<(T, T)>,
     /// The last closed pose on a path, and the goal (n_q each).
     pub(crate) last: Vec<T>,
     pub(crate) goal: Vec<T>,
@@ -135,6 +138,8 @@ impl<T: Real> Scratch<T> {
             branch: of(n),
             gain: of(n),
             step: of(side),
+            of_part: [of(n), of(n)],
+            turns_of_part: vec![(T::ONE, T::ZERO); n],
             last: of(n),
             goal: of(n),
             left: UNBOUNDED,

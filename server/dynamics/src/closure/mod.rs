@@ -40,7 +40,7 @@ pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
 pub(crate) use numerical::{
-    End, FEW_STEPS, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw,
+    BlockForm, Chain, End, FEW_STEPS, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw,
 };
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};
@@ -55,7 +55,7 @@ use sarrus_proto::Status;
 
 use self::numerical::continuation;
 use crate::mechanism::{Body, Cluster};
-use crate::scalar::Real;
+use crate::scalar::{Real, constants};
 
 /// How a cluster's loops are closed.
 #[derive(Clone, Debug)]
@@ -209,16 +209,7 @@ impl<T> Closure<T> {
     }
 }
 
-impl<C: nalgebra::Scalar + Copy> Closure<C> {
-    /// The closure in another scalar.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Closure<D> {
-        match self {
-            Closure::Serial => Closure::Serial,
-            Closure::Coupling(coupling) => Closure::Coupling(coupling.map(f)),
-            Closure::Rrpr(rrpr) => Closure::Rrpr(rrpr.map(f)),
-            Closure::Platform(platform) => Closure::Platform(platform.map(f)),
-            Closure::Planar(planar) => Closure::Planar(planar.map(f)),
-            Closure::Numerical(numerical) => Closure::Numerical(numerical.map(f)),
-        }
-    }
+constants! { enum Closure:
+    keep Serial;
+    map Coupling Rrpr Platform Planar Numerical;
 }

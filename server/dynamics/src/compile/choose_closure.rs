@@ -69,8 +69,13 @@ impl Candidate<'_> {
                     _ => self.no_closed_form(kind),
                 });
                 if self.submechanism().closed_forms {
-                    self.numerical.form =
-                        closed_forms::recognised(self.cluster, self.bodies, &zero, ROUNDING);
+                    self.numerical.form = closed_forms::recognised(
+                        self.cluster,
+                        self.bodies,
+                        &zero,
+                        &self.numerical,
+                        ROUNDING,
+                    );
                 }
                 Closure::Numerical(self.numerical)
             }

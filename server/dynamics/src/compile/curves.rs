@@ -10,7 +10,7 @@ const MOST_POINTS: usize = 256;
 /// keeps the digits of doubles.
 const STEPS: [f64; 2] = [1e9, 1e-5];
 
-/// f and its first three derivatives at x; not finite where points of a table are too close.
+/// f and its first three derivatives at x.
 pub(crate) fn curve_at(curve: &Curve, x: f64) -> [f64; 4] {
     values(&pieces(curve), x)
 }
@@ -42,8 +42,10 @@ pub fn curve_fault(curve: &Curve) -> Option<&'static str> {
             Some("a table of 3 to 256 points q f with rising q, no step below 1e-5 of the largest")
         }
         _ => {
-            let numbers = [pieces(curve).as_flattened(), &curve_at(curve, 0.0)].concat();
-            let is_finite = numbers.iter().all(|x| x.is_finite());
+            let pieces = pieces(curve);
+            let at_zero = values(&pieces, 0.0);
+            let mut numbers = pieces.as_flattened().iter().chain(&at_zero);
+            let is_finite = numbers.all(|x| x.is_finite());
             (!is_finite).then_some("finite numbers, also of the curve at zero")
         }
     }

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use crate::closure::{
     Axis, Closure, Formed, LANES, Level, MOST, Numerical, Seeds, column_unit, distance,
 };
+use crate::compile::seeds::form::AGREES;
 use crate::compile::seeds::grid::{Grid, center};
 use crate::mechanism::{Cluster, Motion};
 use crate::model::Model;
@@ -23,7 +24,8 @@ use crate::workspace::{Needs, Workspace};
 /// independent by the number of independents.
 const BYTES: usize = 256 << 10;
 const NODES: usize = 2048;
-/// Dependents of all nodes of a table together: loading closes the loops at each node.
+/// Dependents of all nodes of a table together: loading closes the loops at each node. Where a form
+/// has them by itself, and memory sets no bound, twice as many.
 const WORK: usize = 17_000;
 const ALONG: [usize; MOST] = [129, 41, 12];
 const LEAST_ALONG: usize = 4;
@@ -71,7 +73,7 @@ pub(super) fn find(model: &Model<f64>) -> Vec<Found> {
         let tables = chosen.len();
         let mut whole = table.seeds(tables);
         // where a form does not hold, what it would leave out has to be in the table
-        if table.leaves_out() && whole.as_ref().is_none_or(|(_, form)| form.is_none()) {
+        if table.tabled().is_some() && whole.as_ref().is_none_or(|(_, form)| form.is_none()) {
             table.form = None;
             whole = table.seeds(tables);
         }
@@ -109,20 +111,21 @@ impl Table<'_> {
         &self.model.clusters[self.c]
     }
 
-    /// True where only the unknowns of a form are in the table.
-    fn leaves_out(&self) -> bool {
-        self.form.as_ref().is_some_and(|form| !form.seeded().is_empty())
+    /// The dependents that a form asks for, where it does not leave all in the table.
+    fn tabled(&self) -> Option<Vec<usize>> {
+        Some(self.form.as_ref()?.tabled()?.iter().map(|dof| dof.v).collect())
     }
 
     /// The seed of the independents in `q`, with all dependents; false where there is none.
     fn seed(&mut self, seeds: &Seeds, zero: &[f64], q: &mut [f64]) -> bool {
         let cluster = &self.model.clusters[self.c];
         let at = cluster.coordinates();
-        let found = seeds.find(zero, q);
+        let mut found = seeds.find(zero, q);
         if let Some(form) = &self.form {
             self.ws.q[at.clone()].copy_from_slice(q);
             self.ws.start[at.clone()].copy_from_slice(zero);
-            form.complete(cluster, self.model.bodies_of(cluster), &mut self.ws.local(cluster));
+            let bodies = self.model.bodies_of(cluster);
+            found &= form.complete(cluster, bodies, &mut self.ws.local(cluster));
             q.copy_from_slice(&self.ws.q[at]);
         }
         found
@@ -134,10 +137,7 @@ impl Table<'_> {
         let c = self.c;
         let cluster = &model.clusters[c];
         let n = cluster.n_vy;
-        let tabled = match &self.form {
-            Some(form) if self.leaves_out() => form.seeded().iter().map(|dof| dof.v).collect(),
-            _ => cluster.dependent.clone(),
-        };
+        let tabled = self.tabled().unwrap_or_else(|| cluster.dependent.clone());
         let columns: Vec<usize> = tabled.iter().map(|v| cluster.dofs[*v].q).collect();
         let stride = columns.len().next_multiple_of(LANES);
 
@@ -157,8 +157,9 @@ impl Table<'_> {
         }
 
         // nodes along each independent
-        let of_table = (BYTES / tables / (stride * size_of::<f32>())) >> n;
-        let of_table = of_table.min(NODES / tables).min(WORK / cluster.dependent.len());
+        let of_table = (BYTES / tables / (stride * size_of::<f32>()).max(1)) >> n;
+        let work = if self.exact().is_some() { 2 * WORK } else { WORK };
+        let of_table = of_table.min(NODES / tables).min(work / cluster.dependent.len());
         let along = (1..=ALONG[n - 1]).rev().find(|along| along.pow(n as u32) <= of_table)?;
         if along < LEAST_ALONG {
             return None;
@@ -217,8 +218,13 @@ impl Table<'_> {
         at[coordinate] - origin.q[coordinate]
     }
 
+    /// The form, where it has all dependents by itself, so that nothing is interpolated.
+    fn exact(&self) -> Option<&Formed<f64>> {
+        self.form.as_deref().filter(|form| form.tabled().is_some_and(<[_]>::is_empty))
+    }
+
     fn is_regular(&self, node: &Node) -> bool {
-        node.gain * REGULAR * REGULAR < 1.0
+        node.gain < self.exact().map_or(REGULAR.powi(-2), Formed::most_gain)
     }
 
     /// The closed pose at the independents of `goal`, by attempts along the straight path from
@@ -322,7 +328,8 @@ impl Table<'_> {
             let i = cluster.dofs[*v].q;
             error.max((q[i] - center.q[i]).abs() / column_unit(cluster, *v))
         });
-        error < ERROR && error * error * gain < CLEAR * CLEAR
+        let most = if self.exact().is_some() { AGREES } else { ERROR };
+        error < most && error * error * gain < CLEAR * CLEAR
     }
 }
 

@@ -1,6 +1,8 @@
 //! The parts in which the loops of a cluster are closed.
 
-use crate::closure::{Block, Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Rods, Step};
+use crate::closure::{
+    Block, BlockForm, Chain, Closure, Dyads, Form, Formed, Numerical, Pin, Platform, Rods, Step,
+};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 
@@ -47,6 +49,8 @@ fn sets(closure: &Closure<f64>, cluster: &Cluster<f64>) -> Vec<(&'static str, Ve
             Some(Formed { form: Form::Planar(_) | Form::Rrpr(_), .. }) => whole("dyad"),
             Some(Formed { form: Form::Dyads(of), .. }) => dyads(of),
             Some(Formed { form: Form::Rods(of), .. }) => rods(of),
+            Some(Formed { form: Form::Coupling(_), .. }) => whole("linear"),
+            Some(Formed { form: Form::Chain(of), .. }) => chain(of),
             None => blocks(numerical),
         },
     }
@@ -84,6 +88,16 @@ fn rods(of: &Rods<f64>) -> Vec<(&'static str, Vec<usize>)> {
     let mut turns: Vec<_> = of.rods.iter().map(|rod| ("rod", rod.turns.to_vec())).collect();
     turns.iter_mut().for_each(|(_, of_rod)| of_rod.dedup());
     [lengths].into_iter().chain(turns).collect()
+}
+
+fn chain(of: &Chain<f64>) -> Vec<(&'static str, Vec<usize>)> {
+    let method = |form: &Form<f64>| match form {
+        Form::Coupling(_) => "linear",
+        Form::Platform(_) => "leg",
+        _ => "dyad",
+    };
+    let joints = |of: &BlockForm<f64>| of.cluster.dependent.iter().map(|j| of.joints[*j]).collect();
+    of.parts.iter().map(|part| (method(&part.form), joints(part))).collect()
 }
 
 fn blocks(numerical: &Numerical<f64>) -> Vec<(&'static str, Vec<usize>)> {

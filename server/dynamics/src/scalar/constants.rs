@@ -31,7 +31,22 @@ impl<X, const N: usize> Each<X> for [X; N] {
 /// Implements `map`, which converts every constant of a type. `keep` lists the fields without
 /// constants, `number` the constants, `list` the lists of constants, `map` the vectors, matrices
 /// and nested types, `each` the lists of these; a closure in brackets converts one item of a field.
+/// Of an enum `map` lists the variants that hold constants.
 macro_rules! constants {
+    (enum $type:ident: $(keep $($plain:ident)*;)? map $($variant:ident)*;) => {
+        impl<C: nalgebra::Scalar + Copy> $type<C> {
+            /// Converts every constant to another scalar.
+            pub(crate) fn map<D: nalgebra::Scalar>(
+                &self,
+                f: impl Fn(C) -> D + Copy,
+            ) -> $type<D> {
+                match self {
+                    $($($type::$plain => $type::$plain,)*)?
+                    $($type::$variant(of) => $type::$variant(of.map(f)),)*
+                }
+            }
+        }
+    };
     ($type:ident:
         $(keep $($keep:ident)*;)?
         $(number $($number:ident)*;)?

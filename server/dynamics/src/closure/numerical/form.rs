@@ -2,15 +2,19 @@
 
 use sarrus_proto::Status;
 
-use crate::closure::numerical::Numerical;
 use crate::closure::numerical::seeds::Seeds;
-use crate::closure::{Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr, Validity};
+use crate::closure::numerical::{Chain, Numerical};
+use crate::closure::{
+    Coupling, Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr, Validity,
+};
 use crate::mechanism::{Body, Cluster, Dof, Winding};
 use crate::scalar::{Real, constants};
 
 /// 1/sin² of the angle that vanishes at a singular pose beyond which the rows themselves answer:
-/// there a form enlarges the misfit that it may have.
+/// there a form enlarges the misfit that it may have. Of blocks in a row it is the product of
+/// theirs.
 const MOST_GAIN: f64 = 1e4;
+const MOST_GAIN_IN_ROW: f64 = 1e6;
 
 /// The closed form of a cluster that the rows of Newton's method describe.
 #[derive(Clone, Debug)]
@@ -37,19 +41,14 @@ pub(crate) enum Form<T> {
     Dyads(Dyads<T>),
     /// Rods that only hold a distance, from a seed.
     Rods(Rods<T>),
+    /// Of a block among others.
+    Coupling(Coupling<T>),
+    /// Blocks one after the other.
+    Chain(Chain<T>),
 }
 
-impl<C: nalgebra::Scalar + Copy> Form<C> {
-    /// The form in another scalar.
-    pub(crate) fn map<D: nalgebra::Scalar>(&self, f: impl Fn(C) -> D + Copy) -> Form<D> {
-        match self {
-            Form::Platform(platform) => Form::Platform(platform.map(f)),
-            Form::Planar(planar) => Form::Planar(planar.map(f)),
-            Form::Rrpr(rrpr) => Form::Rrpr(rrpr.map(f)),
-            Form::Dyads(dyads) => Form::Dyads(dyads.map(f)),
-            Form::Rods(rods) => Form::Rods(rods.map(f)),
-        }
-    }
+constants! { enum Form:
+    map Platform Planar Rrpr Dyads Rods Coupling Chain;
 }
 
 impl<T> Numerical<T> {
@@ -77,7 +76,7 @@ impl<T: Real> Numerical<T> {
             return None;
         }
         let outcome = form.close(cluster, bodies, local, level);
-        let is_sound = outcome.status == Status::Ok && outcome.gain < MOST_GAIN;
+        let is_sound = outcome.status == Status::Ok && outcome.gain < form.most_gain();
         is_sound.then_some(outcome)
     }
 
@@ -98,8 +97,19 @@ impl<T> Formed<T> {
     pub(crate) fn seeded(&self) -> &[Dof] {
         match &self.form {
             Form::Rods(rods) => &rods.unknowns,
-            Form::Platform(_) | Form::Planar(_) | Form::Rrpr(_) | Form::Dyads(_) => &[],
+            _ => &[],
         }
+    }
+
+    /// What it asks for of a table: no dependents, as it has all from the independents, or those
+    /// from which it starts; none where the table has all, since Newton's method starts from them.
+    pub(crate) fn tabled(&self) -> Option<&[Dof]> {
+        matches!(self.form, Form::Rods(_) | Form::Chain(_)).then(|| self.seeded())
+    }
+
+    /// The gain up to which it answers.
+    pub(crate) fn most_gain(&self) -> f64 {
+        if matches!(self.form, Form::Chain(_)) { MOST_GAIN_IN_ROW } else { MOST_GAIN }
     }
 
     /// Takes more steps from the table; false where it takes most or none.
@@ -112,17 +122,26 @@ impl<T> Formed<T> {
 }
 
 impl<T: Real> Formed<T> {
-    /// The dependents that the table leaves out, from those that it has.
+    /// The dependents that the table leaves out, from those that it has; false where there is none.
     pub(crate) fn complete(
         &self,
         cluster: &Cluster<T>,
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
-    ) {
-        if let Form::Rods(rods) = &self.form {
-            rods.complete(cluster, bodies, local);
-            self.wind(local);
-        }
+    ) -> bool {
+        let is_there = match &self.form {
+            Form::Rods(rods) => {
+                rods.complete(cluster, bodies, local);
+                true
+            }
+            Form::Chain(chain) => {
+                let outcome = Outcome::from(chain.close(cluster, bodies, local, Level::Position));
+                outcome.status == Status::Ok
+            }
+            _ => return true,
+        };
+        self.wind(local);
+        is_there
     }
 
     /// Angles beyond half a turn.
@@ -142,32 +161,41 @@ impl<T: Real> Formed<T> {
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Outcome {
-        let validity = match &self.form {
-            Form::Platform(platform) => platform.close(cluster, bodies, local, level),
-            Form::Dyads(dyads) => dyads.close(cluster, local, level),
-            other => return self.close_apart(other, cluster, bodies, local, level),
+        let (validity, iterations) = match &self.form {
+            Form::Platform(platform) => (platform.close(cluster, bodies, local, level), 0),
+            Form::Dyads(dyads) => (dyads.close(cluster, local, level), 0),
+            other => other.close(cluster, bodies, local, level),
         };
         self.wind(local);
-        validity.into()
+        Outcome { iterations, ..validity.into() }
     }
+}
 
-    /// All levels of the other forms, out of line so that they lengthen no code of these.
+impl<T: Real> Form<T> {
+    /// All levels, and the number of steps; out of line so that those of a form lengthen no code of
+    /// another.
     #[inline(never)]
-    fn close_apart(
+    pub(super) fn close(
         &self,
-        form: &Form<T>,
         cluster: &Cluster<T>,
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
-    ) -> Outcome {
-        let (validity, iterations) = match form {
-            Form::Planar(planar) => (planar.close(local, level), 0),
-            Form::Rrpr(rrpr) => (rrpr.close(local, level), 0),
-            Form::Rods(rods) => (rods.close(cluster, bodies, local, level), rods.steps as u32),
-            Form::Platform(_) | Form::Dyads(_) => (Validity::fine(), 0),
+    ) -> (Validity<T>, u32) {
+        let validity = match self {
+            Form::Platform(platform) => platform.close(cluster, bodies, local, level),
+            Form::Planar(planar) => planar.close(local, level),
+            Form::Rrpr(rrpr) => rrpr.close(local, level),
+            Form::Dyads(dyads) => dyads.close(cluster, local, level),
+            Form::Rods(rods) => {
+                return (rods.close(cluster, bodies, local, level), rods.steps as u32);
+            }
+            Form::Coupling(coupling) => {
+                coupling.close(cluster, bodies, local, level);
+                Validity::fine()
+            }
+            Form::Chain(chain) => chain.close(cluster, bodies, local, level),
         };
-        self.wind(local);
-        Outcome { iterations, ..validity.into() }
+        (validity, 0)
     }
 }

@@ -10,6 +10,7 @@
 mod bias;
 mod bifurcation;
 pub(super) mod block;
+mod chain;
 pub(super) mod continuation;
 pub(super) mod elimination;
 mod form;
@@ -36,6 +37,7 @@ use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
+pub(crate) use chain::{BlockForm, Chain};
 pub(crate) use form::{Form, Formed};
 pub(crate) use rods::{FEW_STEPS, Mover, Rod, Rods, screw};
 
@@ -364,7 +366,7 @@ impl<T: Real> Numerical<T> {
         bodies: &[Body<T>],
         local: &mut Local<'_, T>,
     ) -> Option<Outcome> {
-        if !seeds.find(local.start, local.q) {
+        if seeds.columns.is_empty() || !seeds.find(local.start, local.q) {
             return None;
         }
         if let Some(form) = &self.form {

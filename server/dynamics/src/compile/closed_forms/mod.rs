@@ -2,6 +2,7 @@
 //! fits: one file for each mechanism.
 
 mod agreement;
+mod chain;
 mod dyads;
 mod lengths;
 mod loops;
@@ -107,11 +108,12 @@ pub(super) fn build(
     Some(form)
 }
 
-/// The closed form of this cluster's geometry up to rounding, of any type.
+/// The closed form of this cluster's geometry up to rounding, of any type; `rows`: its blocks.
 pub(super) fn recognised(
     cluster: &Cluster<Dd>,
     bodies: &[Body<Dd>],
     zero: &[Dd],
+    rows: &Numerical<Dd>,
     rounding: f64,
 ) -> Option<Box<Formed<Dd>>> {
     let order: Vec<usize> = (0..cluster.n).collect();
@@ -119,20 +121,27 @@ pub(super) fn recognised(
     if !of.is_closed || of.open(zero) > rounding {
         return None;
     }
+    let chain = || Some(closure::Form::Chain(chain::read(&of, rows, rounding)?));
+    let rods = || {
+        let (rods, deviations) = lengths::read(&of).ok()?;
+        (size(&deviations) <= rounding).then_some(closure::Form::Rods(rods))
+    };
+    let form = form_of(&of, rounding).or_else(chain).or_else(rods)?;
+    Some(Box::new(Formed { form, windings: Vec::new() }))
+}
+
+/// That of a cluster, or of a block, without iterations.
+fn form_of(of: &Reading<'_>, rounding: f64) -> Option<closure::Form<Dd>> {
     let fits = |deviations: &[Deviation]| size(deviations) <= rounding;
-    let named = [rods::read(&of), planar::read(&of, true)].into_iter();
-    let legs = [false, true].into_iter().map(|offsets| platform::read(&of, offsets));
+    let named = [rods::read(of), planar::read(of, true)].into_iter();
+    let legs = [false, true].into_iter().map(|offsets| platform::read(of, offsets));
     let mut named = named.chain(legs).flatten().filter(|form| fits(&form.deviations));
-    let form = match named.next().map(|form| form.closure) {
+    Some(match named.next().map(|form| form.closure) {
         Some(Closure::Platform(platform)) => closure::Form::Platform(platform),
         Some(Closure::Planar(planar)) => closure::Form::Planar(planar),
         Some(Closure::Rrpr(rrpr)) => closure::Form::Rrpr(rrpr),
-        _ => match dyads::read(&of).ok().filter(|of| fits(&of.1)) {
-            Some((dyads, _)) => closure::Form::Dyads(dyads),
-            None => closure::Form::Rods(lengths::read(&of).ok().filter(|of| fits(&of.1))?.0),
-        },
-    };
-    Some(Box::new(Formed { form, windings: Vec::new() }))
+        _ => closure::Form::Dyads(dyads::read(of).ok().filter(|of| fits(&of.1))?.0),
+    })
 }
 
 /// True for a plane loop of four joints of which two assemblies can meet.

@@ -8,7 +8,7 @@ use crate::compile::seeds::{ERROR, Node, Table};
 use crate::mechanism::{Motion, Winding};
 
 /// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
-const AGREES: f64 = 1e-9;
+pub(super) const AGREES: f64 = 1e-9;
 /// Largest angle from the middle of a coordinate's range, less than half a turn.
 const ANGLE: f64 = 2.8;
 
