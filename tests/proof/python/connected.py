@@ -86,7 +86,7 @@ if child == 0:
     try:
         raises(sarrus.ConnectError, "connect again after a fork", there.mass_matrix, [0.1])
         raises(sarrus.ConnectError, "connect again after a fork", there.mass_matrix, [[0.1]])
-        own = sarrus.Robot.connect(name)
+        own = sarrus.Robot.connect(name, timeout=30.0)
         np.testing.assert_array_equal(own.mass_matrix([0.1]), here.mass_matrix([0.1]))
         del own, there
         gc.collect()

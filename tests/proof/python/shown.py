@@ -77,7 +77,7 @@ def stands(view, name, robot, y):
 
 def served(name):
     """A server answers for its robot, which needs no other name."""
-    robot = show.Robot.connect(name)
+    robot = show.Robot.connect(name, timeout=30.0)
     with shown("--connect", name) as view:
         assert stands(view, "measured", robot, [0.0])
         view.sliders["Elbow"].value = 0.4
@@ -117,7 +117,7 @@ def bridge(name):
 
 def recorded(name, path):
     """A recording has its robot, and buttons to the states without an answer."""
-    robot = show.Robot.connect(name)
+    robot = show.Robot.connect(name, timeout=30.0)
     for y in ([0.1], [np.nan], [0.3]):
         with contextlib.suppress(show.Error):
             robot.inverse_dynamics(y)

@@ -161,7 +161,10 @@ impl Said {
     }
 
     fn refused(&self, name: &str, reason: &str) {
-        self.has(name, &format!("the bridge is fault: {reason}; 0 of "));
+        // on a busy machine a motor may be late before its bus is off, which the bridge names first
+        self.has(name, "the bridge is fault: ");
+        self.has(name, "; 0 of ");
+        self.has(name, &format!("fault: {reason};"));
         self.has(name, "actuators have power\n");
         self.has(name, "code 1");
     }
