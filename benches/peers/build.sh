@@ -1,8 +1,8 @@
 #!/bin/sh
 # Builds the peers that `sarrus report` measures beside sarrus: benches/peers/build.sh [NAME…]
-# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, drake and rbdl; without names
-# all that this machine can build. Each that cannot be built is named with what it lacks; the exit
-# code is then 1.
+# writes target/peers/pinocchio, mujoco, simbody with motion_simbody, drake, rbdl and ik; without
+# names all that this machine can build. Each that cannot be built is named with what it lacks; the
+# exit code is then 1.
 # Needed: python3 with venv and the network for the wheels of Pinocchio, MuJoCo and Drake, clang++
 # and Eigen for Pinocchio (g++ makes it up to twice slower), a C++ compiler and libsimbody-dev for
 # Simbody. RBDL has no package: its sources are cloned, or RBDL_SOURCE=FOLDER has them; it needs a
@@ -26,15 +26,33 @@ missing() {
     return 1
 }
 
-# a package of this version in the environment of the peers; prints the folder of packages
-packages() {
+# installs packages into an environment of Python, `environment FOLDER PACKAGE…`
+environment() {
+    place=$1
+    shift
     command -v python3 >/dev/null ||
         missing "python3 is missing (apt install python3 python3-venv)" || return
-    [ -x "$folder/venv/bin/python" ] || python3 -m venv "$folder/venv" ||
+    [ -x "$place/bin/python" ] || python3 -m venv "$place" ||
         missing "python3 has no venv (apt install python3-venv)" || return
-    "$folder/venv/bin/python" -m pip install --quiet --disable-pip-version-check "$1==$2" ||
-        missing "pip cannot get $1 $2" || return
+    "$place/bin/python" -m pip install --quiet --disable-pip-version-check "$@" ||
+        missing "pip cannot get $*"
+}
+
+# a package of this version in the environment of the peers; prints the folder of packages
+packages() {
+    environment "$folder/venv" "$1==$2" || return
     "$folder/venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))'
+}
+
+# script NAME ENVIRONMENT SOURCE
+script() {
+    {
+        echo "#!$(cd "$folder" && pwd)/$2/bin/python"
+        cat "benches/peers/$3"
+    } >"$folder/$1.$$"
+    chmod +x "$folder/$1.$$"
+    mv "$folder/$1.$$" "$folder/$1"
+    echo "$folder/$1"
 }
 
 # compile NAME COMPILER FLAGS…
@@ -104,13 +122,14 @@ build_simbody() {
 
 build_drake() {
     packages drake "$drake" >/dev/null || return
-    {
-        echo "#!$(cd "$folder" && pwd)/venv/bin/python"
-        cat benches/peers/drake.py
-    } >"$folder/drake.$$"
-    chmod +x "$folder/drake.$$"
-    mv "$folder/drake.$$" "$folder/drake"
-    echo "$folder/drake"
+    script drake venv drake.py
+}
+
+# inverse kinematics by pink, mink and placo; their Pinocchio is older than the other one
+build_ik() {
+    environment "$folder/ik_venv" pin-pink==4.4.0 mink==1.3.0 "mujoco==$mujoco" placo==0.10.2 \
+        daqp==0.11.0 || return
+    script ik ik_venv ik.py
 }
 
 # writes CasADi's C of Pinocchio's algorithms for casadi_code.py; it is no peer by itself
@@ -169,14 +188,14 @@ build_grpc() {
 }
 
 mkdir -p "$folder"
-[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake rbdl
+[ $# -gt 0 ] || set -- pinocchio mujoco simbody drake rbdl ik
 code=0
 for peer in "$@"; do
     case $peer in
-        pinocchio | mujoco | drake | rbdl | casadi_code | grpc) "build_$peer" || code=1 ;;
+        pinocchio | mujoco | drake | rbdl | ik | casadi_code | grpc) "build_$peer" || code=1 ;;
         simbody) build_simbody simbody motion_simbody || code=1 ;;
         *)
-            missing "$peer is no peer: pinocchio, mujoco, simbody, drake, rbdl, casadi_code, grpc"
+            missing "$peer is none of pinocchio mujoco simbody drake rbdl ik casadi_code grpc"
             code=1
             ;;
     esac

@@ -4,6 +4,7 @@
     cargo build --release -p sarrus-server
     python benches/peers/ik.py --sarrus target/release/sarrus [--targets 10000] [--peers 10000]
     python benches/peers/ik.py --picture benches/ik.svg [--robots "upper body"] [--targets 300]
+    python benches/peers/ik.py --rows <robot.json
 
 Each target is the pose of the hands at a random state that keeps all limits, and each search starts
 at the same pose. It succeeds where its last state has the hands within 1e-6 of their targets [m and
@@ -18,14 +19,20 @@ With `--picture` it draws error over time instead, for one robot: the peers stop
 mark has the medians of time and of the error of the hands over all targets, the legend the share
 found at 1e-9 (needs matplotlib). sarrus has no such setting: its search goes on to 1e-9 or the end
 of its budget.
+
+With `--rows` it serves `sarrus report` (`build.sh ik` makes it a program): the standard input has
+files, start and targets of a robot, the output a run of each peer for each stop, with the error of
+each target, the larger of the distance of the hand and the widest gap of a loop.
 """
 
 import argparse
 import importlib.metadata
+import json
 import os
 import pathlib
 import runpy
 import subprocess
+import sys
 import tempfile
 import time
 
@@ -33,7 +40,6 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
-import sarrus
 
 STEPS, STOP, GOOD = 100, 1e-7, 1e-6
 STOPS = [10.0**-k for k in range(1, 10)]
@@ -110,10 +116,44 @@ ROBOTS = {
 }
 
 
+def with_ends(files):
+    """A URDF that has links at both ends of each loop, and their names."""
+    script = next(files.glob("*.py"))
+    text, pairs = [], []
+    for name, _, *cut in runpy.run_path(str(script))["CUTS"]:
+        pair = [f"{name}/predecessor", f"{name}/successor"]
+        for end, link, pose in zip(pair, cut[::2], cut[1::2]):
+            place = " ".join(map(str, pose[:3]))
+            text.append(
+                f'<link name="{end}"/><joint name="{end}/fixed" type="fixed">'
+                f'<parent link="{link}"/><child link="{end}"/><origin xyz="{place}"/></joint>'
+            )
+        pairs.append(pair)
+    plain = script.with_suffix(".urdf").read_text()
+    ends = files / "ends.urdf"
+    ends.write_text(plain.replace("</robot>", "".join(text) + "</robot>"))
+    return str(ends), pairs
+
+
+class Given:
+    """A robot as the standard input of `--rows` has it."""
+
+    def __init__(self, given, folder):
+        for name, text in given["files"].items():
+            (folder / name).write_text(text)
+        self.urdf, self.loops = with_ends(folder)
+        self.mjcf = next(folder.glob("*.xml"))
+        self.hands, self.q = given["hands"], given["start"]
+        self.poses = np.array(given["targets"])
+
+
 class Case:
-    """A robot, its files for the peers, and targets that it reaches."""
+    """A robot of the table, its files for the peers, and targets that it reaches."""
 
     def __init__(self, name, program, folder, count):
+        import sarrus
+
+        self.sarrus = sarrus
         self.name = name
         bundled, self.hands, start = ROBOTS[name]
         if bundled:
@@ -123,30 +163,13 @@ class Case:
             urdf = leg(folder)
             flags = ["--urdf", str(urdf), "--submechanisms", str(urdf.with_suffix(".yml"))]
             self.robot = sarrus.Robot.load(str(urdf), str(urdf.with_suffix(".yml")))
+        files = folder / "files"
         for to in ("pinocchio", "mjcf"):
-            command = [program, "export", *flags, "--to", to, "--out", str(folder / to)]
+            command = [program, "export", *flags, "--to", to, "--out", str(files)]
             subprocess.run(command, check=False, capture_output=True)
-        self.mjcf = next((folder / "mjcf").glob("*.xml"))
-        script = next((folder / "pinocchio").glob("*.py"))
-        exported = runpy.run_path(str(script))
-        self.urdf, self.loops = self.with_ends(script.with_suffix(".urdf"), exported["CUTS"])
+        self.mjcf = next(files.glob("*.xml"))
+        self.urdf, self.loops = with_ends(files)
         self.targets(count, start)
-
-    def with_ends(self, path, cuts):
-        """A URDF that has links at both ends of each loop, and their names."""
-        text, pairs = [], []
-        for name, _, *cut in cuts:
-            pair = [f"{name}/predecessor", f"{name}/successor"]
-            for end, link, pose in zip(pair, cut[::2], cut[1::2]):
-                place = " ".join(map(str, pose[:3]))
-                text.append(
-                    f'<link name="{end}"/><joint name="{end}/fixed" type="fixed">'
-                    f'<parent link="{link}"/><child link="{end}"/><origin xyz="{place}"/></joint>'
-                )
-            pairs.append(pair)
-        ends = path.with_name("ends.urdf")
-        ends.write_text(path.read_text().replace("</robot>", "".join(text) + "</robot>"))
-        return str(ends), pairs
 
     def targets(self, count, start):
         """Draw states within all limits, and the poses of the hands there."""
@@ -161,7 +184,7 @@ class Case:
         while len(poses) < count:
             y = random.uniform(low, high, (max(count, 1000), len(low)))
             answer = look(y=y)
-            kept = (answer.status == sarrus.Status.ok) & (answer.warnings == 0)
+            kept = (answer.status == self.sarrus.Status.ok) & (answer.warnings == 0)
             self.drawn += len(y)
             poses = np.concatenate((poses, answer.frame_pose[kept]))
         self.poses = poses[:count]
@@ -195,7 +218,7 @@ class Ours:
         self.rows[:, :7] = poses
         answer = self.query(task_target=self.rows, y_guess=self.case.start, return_status=True)
         spent = time.perf_counter() - begin
-        self.exact += answer.status == sarrus.Status.ok
+        self.exact += answer.status == self.case.sarrus.Status.ok
         return dict(zip(self.tree, answer.q)), spent
 
 
@@ -400,8 +423,6 @@ class Judge:
         frame = self.model.getFrameId
         self.hands = [frame(hand) for hand in case.hands]
         self.loops = [[frame(end) for end in pair] for pair in case.loops]
-        limits = case.robot.limits
-        self.limits = dict(zip(case.robot.joints, zip(limits["lower"], limits["upper"])))
 
     def away(self, named, poses):
         """The largest distance of a hand from its target [m or rad]."""
@@ -415,15 +436,36 @@ class Judge:
             away = max(away, np.linalg.norm(error[:3]), np.linalg.norm(error[3:]))
         return away
 
+    def gap(self):
+        """The widest gap of a loop where `away` has looked [m]."""
+        of = self.data.oMf
+        gaps = [np.linalg.norm(of[a].translation - of[b].translation) for a, b in self.loops]
+        return max(gaps, default=0.0)
+
     def faults(self, named, poses):
         """Whether hands are away, loops open, limits exceeded."""
-        away, of = self.away(named, poses), self.data.oMf
-        gaps = [np.linalg.norm(of[a].translation - of[b].translation) for a, b in self.loops]
+        away, gap = self.away(named, poses), self.gap()
+        limits = self.case.robot.limits
+        limits = dict(zip(self.case.robot.joints, zip(limits["lower"], limits["upper"])))
         over = 0.0
         for name, x in named.items():
-            lower, upper = self.limits[name]
+            lower, upper = limits[name]
             over = max(over, lower - x, x - upper)
-        return not away <= GOOD, not max(gaps, default=0.0) <= GOOD, not over <= GOOD
+        return not away <= GOOD, not gap <= GOOD, not over <= GOOD
+
+
+def rows(case, stops):
+    """Print the runs of all peers, in the form that `sarrus report` reads."""
+    judge = Judge(case)
+    print("engine inverse kinematics")
+    for kind in (Pink, Mink, Placo):
+        solver = kind(case)
+        for stop in stops:
+            searches = [solver.search(poses, stop) for poses in case.poses]
+            nanoseconds = 1e9 * np.median([found[1] for found in searches])
+            print(f"run IK {solver.name}; stops at {stop:.0e}; {nanoseconds:.0f}")
+            for poses, found in zip(case.poses, searches):
+                print(max(judge.away(found[0], poses), judge.gap()))
 
 
 def draw(case, path):
@@ -466,7 +508,13 @@ def main():
     parser.add_argument("--peers", type=int, help="targets of the peers, the first ones")
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--picture", help="draws error over time for one robot instead")
+    parser.add_argument("--rows", action="store_true", help="serves `sarrus report`")
     arguments = parser.parse_args()
+    if arguments.rows:
+        with tempfile.TemporaryDirectory() as folder:
+            given = json.load(sys.stdin)
+            rows(Given(given, pathlib.Path(folder)), given["stops"])
+        return
     for package in ("pin-pink", "pin", "mink", "mujoco", "placo", "daqp", "numpy"):
         try:
             print(f"{package} {importlib.metadata.version(package)}", end="  ")

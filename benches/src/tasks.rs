@@ -13,6 +13,7 @@ use sarrus_dynamics::{
 };
 use sarrus_models::{Options, Source, load};
 use sarrus_report::Outcome;
+use sarrus_report::robots::within_limits;
 
 use crate::table::{Table, ns};
 use Field::*;
@@ -99,7 +100,7 @@ impl Subject {
         let mut rng = Rng::with_seed(36);
         let mut inputs = Vec::new();
         while inputs.len() < STATES {
-            let y = drawn(model, &mut rng);
+            let y = within_limits(model, || 0.5 + SHARE * (rng.f64() - 0.5));
             let mut poses = vec![0.0; there.want().len()];
             let answer = there.run(model, &mut workspace, &y, &mut poses);
             if answer.status != Status::Ok || answer.warnings.contains(Warnings::LIMITS_EXCEEDED) {
@@ -149,17 +150,4 @@ impl Subject {
         give(TaskMotion, &motion);
         input
     }
-}
-
-/// y at random within the limits.
-fn drawn(model: &Model<f64>, rng: &mut Rng) -> Vec<f64> {
-    let info = model.info();
-    let of = |name: &String| {
-        let limits = info.tree.iter().position(|of| of == name).and_then(|v| info.limits[v]);
-        let bound = |x: Option<f64>, none: f64| x.unwrap_or(none).clamp(-3.0, 3.0);
-        let lower = bound(limits.and_then(|of| of.lower), -0.6);
-        let upper = bound(limits.and_then(|of| of.upper), 0.6);
-        0.5 * (lower + upper) + SHARE * (rng.f64() - 0.5) * (upper - lower)
-    };
-    info.independent_q.iter().map(of).collect()
 }

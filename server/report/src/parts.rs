@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use sarrus_counting::operations;
-use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query, Request};
+use sarrus_dynamics::{Field, FieldSet, Model, Plan, Query};
 
 use crate::Outcome;
 use crate::measure::Effort;
@@ -12,7 +12,7 @@ use crate::measure::progress::Progress;
 use crate::measure::timing::{Timed, interleaved};
 use crate::page::{Section, Table, columns};
 use crate::robots::catalogue::bundled_names;
-use crate::robots::{Planned, Question, Robot, State, Subject};
+use crate::robots::{Planned, Question, Robot, State, Subject, links_by_bodies};
 
 /// A partial question: the words of the table, the question and its part.
 struct Pair {
@@ -125,18 +125,7 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     let mut pairs = Vec::new();
     let state = Question::State.query();
 
-    // links by the number of bodies that carry them
-    let mut links = Vec::new();
-    for link in 0..model.link_names().len().min(u16::MAX as usize) {
-        let want = FieldSet::of(&[FramePose]);
-        let query = Query::new(Request::Kinematics, FieldSet::of(&[Y]), want);
-        let query = query.with_frames(&[link as u16]);
-        let bodies = Plan::new(model, &query)?.outline(model).bodies;
-        if bodies > 0 {
-            links.push((bodies, link, query));
-        }
-    }
-    links.sort_by_key(|(bodies, link, _)| (*bodies, *link));
+    let links = links_by_bodies(model)?;
     for (_, link, part) in links.first().into_iter().chain(links.last()) {
         let mut whole = *part;
         whole.want |= FieldSet::of(&[Q, U]);

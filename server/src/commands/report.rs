@@ -51,7 +51,7 @@ impl Report {
             Some(source) => {
                 let loaded = load(&source, &Default::default())?;
                 warn(&loaded.report.warnings);
-                Some(Own::new(loaded.description))
+                Some(Own::with_files(loaded))
             }
             None => None,
         };

@@ -212,6 +212,11 @@
 //!   C slides            D = R (o J g + x g),    x = ±√(|D|² − o²)          c = J D, g
 //!   A and B, or C too   D = x₁ g₁ + x₂ g₂                                  c = g₁, g₂
 //! ```
+//! **Blocks one after the other**: the rows of a cluster are sorted into blocks, and each is closed
+//! on those before it. Where every block has one of these forms, or is couplings alone, with joints
+//! that others before it found for its independents, the forms give q, and G_d = −K_d⁻¹ K_i and g
+//! of each block its rates: of the leg of a Kangaroo three pairs, two legs and four pairs.
+//!
 //! **Rods**, one for each dependent beside their own turns: the two turns of a universal joint
 //! whose axes cross at a right angle, on a link with a ball at its other end, enter the loops only
 //! through the length ℓ of that link. With d from the center P of the universal joint to that of

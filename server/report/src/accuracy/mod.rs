@@ -1,10 +1,12 @@
 //! Section `accuracy`: error against run time, one figure per robot and question.
 //!
 //! A method is one line in `methods.rs`; `runner.rs` calls it, `measure.rs` times it, `figures.rs`
-//! draws it, and `defaults.rs` tabulates the defaults.
+//! draws it, and `defaults.rs` tabulates the defaults. `inverse.rs` has inverse kinematics, whose
+//! searches have no reference.
 
 mod defaults;
 mod figures;
+mod inverse;
 mod measure;
 mod methods;
 mod runner;
@@ -47,6 +49,9 @@ const QUESTIONS: [(Question, &str, &str); 5] = [
 ];
 
 const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
+/// Targets of inverse kinematics, and the errors at which the peers stop.
+const QUICK_SEARCHES: (usize, &[f64]) = (8, &[1e-3, 1e-6]);
+const SEARCHES: (usize, &[f64]) = (50, &[1e-1, 1e-3, 1e-5, 1e-7, 1e-9]);
 const FULL: Amount = Amount { states: 128, rounds: Duration::from_secs(20), of_peer: 0.3 };
 
 /// Fills the section.
@@ -74,6 +79,8 @@ pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) ->
         }
         rows.extend(of_robot.into_iter().map(|of| of.cells));
         section.figures.extend(figures);
+        let (targets, stops) = if effort.quick { QUICK_SEARCHES } else { SEARCHES };
+        section.figures.extend(inverse::figure(subject, targets, stops)?);
         if k == 0 {
             absent.append(&mut missing);
         }

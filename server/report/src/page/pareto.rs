@@ -4,8 +4,9 @@ use super::figure::{Figure, Point, Series};
 use super::section::Section;
 
 /// The other engines. Their series begin with these names.
-pub(crate) const PEERS: [&str; 5] = ["Pinocchio", "MuJoCo", "Simbody", "Drake", "RBDL"];
-/// The names of their programs.
+pub(crate) const PEERS: [&str; 8] =
+    ["Pinocchio", "MuJoCo", "Simbody", "Drake", "RBDL", "pink", "mink", "placo"];
+/// The programs of the first ones; the last three have inverse kinematics in one program.
 pub(crate) const PROGRAMS: [&str; 5] = ["pinocchio", "mujoco", "simbody", "drake", "rbdl"];
 
 /// Errors up to this are rounding and count as equal in comparisons with a peer.

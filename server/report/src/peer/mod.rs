@@ -105,15 +105,38 @@ pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<
         Ok(text) => text,
         Err(reason) => return missing(format!(" on {name}, {reason}.")),
     };
-    let fault = |error: std::io::Error| format!("{}: {error}", program.display());
-    let (written, output) = spoken(&mut Command::new(&program), &text).map_err(fault)?;
+    let answered = answers(&mut Command::new(&program), engine, &text, robot.states.len())?;
+    answered.map_or_else(|why| missing(format!(" on {name}, {why}")), Ok)
+}
+
+/// Inverse kinematics by the peers that have it, as `benches/peers/ik.py` reads and writes it; the
+/// answer to a target is its error.
+pub(crate) fn searches(input: &str, n_targets: usize) -> Outcome<Peer> {
+    let missing = |why: String| Peer::Missing(format!("pink, mink, PlaCo: not run{why}"));
+    let Some(program) = program("ik") else {
+        return Ok(missing(format!(", not installed; {BUILD} ik installs them.")));
+    };
+    let answered = answers(Command::new(program).arg("--rows"), "", input, n_targets)?;
+    Ok(answered.unwrap_or_else(|why| missing(format!(", {why}"))))
+}
+
+/// What a program answers, or how it ended without answers.
+fn answers(
+    command: &mut Command,
+    engine: &str,
+    text: &str,
+    n_states: usize,
+) -> Outcome<Result<Peer, String>> {
+    let program = command.get_program().display().to_string();
+    let fault = |error: std::io::Error| format!("{program}: {error}");
+    let (written, output) = spoken(command, text).map_err(fault)?;
     if !output.status.success() {
         let why = String::from_utf8_lossy(&output.stderr);
-        return missing(format!(" on {name}, it ends with {}: {}", output.status, why.trim()));
+        return Ok(Err(format!("it ends with {}: {}", output.status, why.trim())));
     }
     written.map_err(fault)?;
-    read(engine, &String::from_utf8_lossy(&output.stdout), robot.states.len())
-        .map_err(|reason| format!("{}: {reason}", program.display()).into())
+    let answers = read(engine, &String::from_utf8_lossy(&output.stdout), n_states);
+    Ok(Ok(answers.map_err(|reason| format!("{program}: {reason}"))?))
 }
 
 /// The output of a program with this input, and whether it took it. The program reads everything
@@ -174,9 +197,10 @@ fn read(name: &str, text: &str, n_states: usize) -> Result<Peer, String> {
                 "FD" => Question::ForwardDynamics,
                 "DID" => Question::InverseDerivatives,
                 "DFD" => Question::ForwardDerivatives,
+                "IK" => Question::InverseKinematics,
                 _ => return None,
             };
-            let name = format!("{name} {method}");
+            let name = format!("{name} {method}").trim_start().to_owned();
             Some(Run {
                 question,
                 name,

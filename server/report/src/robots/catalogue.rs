@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::description::{Description, SubmechanismKind as Kind};
 use sarrus_dynamics::{ClosureKind, Compiled, Model};
-use sarrus_models::{Options, Source, load};
+use sarrus_models::{Loaded, Options, Source, load};
 
 use super::chain::chain_of_lambdas;
 use super::rare::RARE;
@@ -30,14 +30,20 @@ pub enum Subject {
     Own(Own),
 }
 
-/// The description of somebody's robot; it lives as long as the program.
+/// Somebody's robot; it lives as long as the program.
 #[derive(Clone, Copy, Debug)]
-pub struct Own(&'static Description);
+pub struct Own(&'static Description, Option<&'static Loaded>);
 
 impl Own {
     /// Keeps this description.
     pub fn new(description: Description) -> Own {
-        Own(Box::leak(Box::new(description)))
+        Own(Box::leak(Box::new(description)), None)
+    }
+
+    /// Keeps a robot with its files, which peers read.
+    pub fn with_files(loaded: Loaded) -> Own {
+        let loaded = Box::leak(Box::new(loaded));
+        Own(&loaded.description, Some(loaded))
     }
 }
 
@@ -65,6 +71,15 @@ impl Subject {
             Subject::Chain(_) => "chain",
             Subject::Own(of) => &of.0.name,
         }
+    }
+
+    /// The robot with its files; none without.
+    pub(crate) fn loaded(self) -> Outcome<Option<&'static Loaded>> {
+        Ok(match self {
+            Subject::Bundled(name) => Own::with_files(loaded(name)?).1,
+            Subject::Own(own) => own.1,
+            Subject::Rare(_) | Subject::Chain(_) => None,
+        })
     }
 
     fn description(self) -> Outcome<Description> {
@@ -159,7 +174,11 @@ pub(crate) fn closures(model: &Model) -> Option<&'static str> {
 
 /// The description of a bundled robot.
 pub(crate) fn bundled(name: &str) -> Outcome<Description> {
-    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?.description)
+    Ok(loaded(name)?.description)
+}
+
+fn loaded(name: &str) -> Outcome<Loaded> {
+    Ok(load(&Source::Bundled(name.to_owned()), &Options::default())?)
 }
 
 /// The robot with every loop closed by Newton's method.

@@ -11,5 +11,6 @@ pub mod states;
 
 pub use self::catalogue::{Own, Subject, Variant};
 pub(crate) use self::planned::Planned;
+pub(crate) use self::question::links_by_bodies;
 pub use self::question::{Question, Start};
-pub use self::states::{Robot, State, packed};
+pub use self::states::{Robot, State, packed, within_limits};

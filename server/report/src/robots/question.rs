@@ -1,6 +1,6 @@
 //! The questions to a robot, and the starts of Newton's method.
 
-use sarrus_dynamics::{Field, FieldSet, Method, Query, Request};
+use sarrus_dynamics::{Field, FieldSet, Method, Model, Plan, Query, QueryError, Request};
 
 /// The start of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +30,28 @@ pub enum Question {
     InverseDerivatives,
     /// Forward dynamics with ∂ÿ/∂y, ∂ÿ/∂ẏ and ∂ÿ/∂τ_u.
     ForwardDerivatives,
+    /// y from targets of links, which `Query::with_tasks` adds.
+    InverseKinematics,
+}
+
+/// Links with the number of bodies that carry them, the fewest first, and the query of the pose of
+/// each from y.
+///
+/// # Errors
+///
+/// As [`Plan::new`].
+pub(crate) fn links_by_bodies(model: &Model) -> Result<Vec<(usize, usize, Query)>, QueryError> {
+    let mut links = Vec::new();
+    for link in 0..model.link_names().len().min(u16::MAX as usize) {
+        let query = Query::new(Request::Kinematics, Field::Y.into(), Field::FramePose.into());
+        let query = query.with_frames(&[link as u16]);
+        let bodies = Plan::new(model, &query)?.outline(model).bodies;
+        if bodies > 0 {
+            links.push((bodies, link, query));
+        }
+    }
+    links.sort_by_key(|(bodies, link, _)| (*bodies, *link));
+    Ok(links)
 }
 
 impl Question {
@@ -53,6 +75,7 @@ impl Question {
             Question::Forced(Method::Kkt) => "FD-kkt",
             Question::InverseDerivatives => "dID",
             Question::ForwardDerivatives => "dFD",
+            Question::InverseKinematics => "IK",
         }
     }
 
@@ -77,6 +100,7 @@ impl Question {
             Question::ForwardDerivatives => {
                 (Request::ForwardDynamics, &[Y, Yd, TauU], &[Ydd, DyddDy, DyddDyd, DyddDtauU])
             }
+            Question::InverseKinematics => (Request::InverseKinematics, &[YGuess], &[Y]),
         };
         Query::new(request, FieldSet::of(given), FieldSet::of(want))
     }

@@ -1,6 +1,6 @@
 //! Random states, the same in every run.
 
-use sarrus_dynamics::description::{Description, Joint, JointKind};
+use sarrus_dynamics::description::{Description, Joint, JointKind, Limits};
 use sarrus_dynamics::{Field, FieldSet, Model, Plan, Planned, Query, Request, Sizes, Status};
 
 use super::catalogue::{Subject, Variant, variants};
@@ -8,8 +8,8 @@ use super::question::Question;
 use super::random::Random;
 use crate::Outcome;
 
-/// Positions within ± this many radians or metres, velocities (1/s), accelerations (1/s²), actuator
-/// forces (N or N m).
+/// Positions within ± this many radians or metres and within the limits of y, velocities (1/s),
+/// accelerations (1/s²), actuator forces (N or N m).
 const ANGLE: f64 = 0.25;
 const LENGTH: f64 = 0.03;
 const VELOCITY: f64 = 1.0;
@@ -140,6 +140,20 @@ pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
     input
 }
 
+/// y between the limits of its joints, each at the place that `place` gives, 0 for the lower limit
+/// and 1 for the upper one; a limit that is missing is at 0.6, one that is far at 3 `[rad, m]`.
+pub fn within_limits(model: &Model, mut place: impl FnMut() -> f64) -> Vec<f64> {
+    let info = model.info();
+    let of = |name: &String| {
+        let limits = info.tree.iter().position(|of| of == name).and_then(|v| info.limits[v]);
+        let bound = |x: Option<f64>, none: f64| x.unwrap_or(none).clamp(-3.0, 3.0);
+        let lower = bound(limits.and_then(|of| of.lower), -0.6);
+        let upper = bound(limits.and_then(|of| of.upper), 0.6);
+        lower + place() * (upper - lower)
+    };
+    info.independent_q.iter().map(of).collect()
+}
+
 /// The motion of one coordinate, or of the four of a quaternion.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Dof {
@@ -148,24 +162,28 @@ enum Dof {
     Turn,
 }
 
-/// The dofs of y in the caller's order, each with the index of its first velocity.
-fn dofs(model: &Model, description: &Description) -> Vec<(Dof, usize)> {
+/// The dofs of y in the caller's order, each with the index of its first velocity and its limits.
+fn dofs(model: &Model, description: &Description) -> Vec<(Dof, usize, Limits)> {
     let names = model.independent_names();
     let slides = |name: &String| {
         let is = |joint: &Joint| joint.name == *name && joint.kind == JointKind::Prismatic;
         description.joints.iter().any(is)
     };
+    let limits = |name: &String| {
+        let joint = description.joints.iter().find(|joint| joint.name == *name);
+        joint.and_then(|joint| joint.limits).unwrap_or(Limits::NONE)
+    };
     let mut dofs = Vec::new();
     for (v, name) in names.iter().enumerate() {
         match name.rsplit_once('/') {
-            None if slides(name) => dofs.push((Dof::Length, v)),
-            None => dofs.push((Dof::Angle, v)),
+            None if slides(name) => dofs.push((Dof::Length, v, limits(name))),
+            None => dofs.push((Dof::Angle, v, limits(name))),
             Some((joint, "rx")) => {
                 // the position of a floating joint precedes its quaternion
                 if names.contains(&format!("{joint}/tx")) {
-                    dofs.extend((v + 3..v + 6).map(|v| (Dof::Length, v)));
+                    dofs.extend((v + 3..v + 6).map(|v| (Dof::Length, v, Limits::NONE)));
                 }
-                dofs.push((Dof::Turn, v));
+                dofs.push((Dof::Turn, v, Limits::NONE));
             }
             Some(_) => {}
         }
@@ -174,14 +192,18 @@ fn dofs(model: &Model, description: &Description) -> Vec<(Dof, usize)> {
 }
 
 /// A random state without guesses.
-fn drawn(dofs: &[(Dof, usize)], reach: f64, sizes: Sizes, random: &mut Random) -> State {
+fn drawn(dofs: &[(Dof, usize, Limits)], reach: f64, sizes: Sizes, random: &mut Random) -> State {
     let mut y = Vec::new();
-    for (dof, _) in dofs {
+    for (dof, _, limits) in dofs {
+        let size = reach * if *dof == Dof::Length { LENGTH } else { ANGLE };
         match dof {
-            Dof::Angle => y.push(reach * ANGLE * random.next()),
-            Dof::Length => y.push(reach * LENGTH * random.next()),
+            Dof::Angle | Dof::Length => {
+                let lower = limits.lower.max(-size);
+                let upper = limits.upper.min(size);
+                y.push(0.5 * (lower + upper) + 0.5 * (upper - lower) * random.next());
+            }
             Dof::Turn => {
-                let [a, b, c] = [(); 3].map(|()| 0.5 * reach * ANGLE * random.next());
+                let [a, b, c] = [(); 3].map(|()| 0.5 * size * random.next());
                 y.extend(unit([a, b, c, 1.0]));
             }
         }
@@ -197,10 +219,10 @@ fn drawn(dofs: &[(Dof, usize)], reach: f64, sizes: Sizes, random: &mut Random) -
 }
 
 /// y shortly before a state.
-fn earlier(dofs: &[(Dof, usize)], state: &State) -> Vec<f64> {
+fn earlier(dofs: &[(Dof, usize, Limits)], state: &State) -> Vec<f64> {
     let mut y = state.y.clone();
     let mut at = 0;
-    for (dof, v) in dofs {
+    for (dof, v, _) in dofs {
         let step = |j: usize| -EARLIER * state.yd[v + j];
         if *dof != Dof::Turn {
             // a floating body is nearly parallel to its parent
