@@ -8,7 +8,7 @@
 //! wheels by the cage or the cage by the wheels.
 
 use crate::closure::{Level, Local, Numerical};
-use crate::mechanism::{Body, Cluster, Curve, Motion};
+use crate::mechanism::{Cluster, Curve, Motion};
 use crate::scalar::{Real, constants};
 
 /// q = M y + b + Σ share · f(q).
@@ -41,13 +41,8 @@ impl<T: Real> Coupling<T> {
     }
 
     /// Position, velocity and acceleration level.
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) {
+        let &mut Local { cluster, bodies, .. } = local;
         let m = cluster.n_vy;
         for j in cluster.dependent.iter().copied() {
             let mut q = self.b[j];

@@ -15,7 +15,7 @@
 use crate::closure::plane::{PlaneLink, Point, add};
 use crate::closure::sliding::{DrivenSlide, SlidingPair};
 use crate::closure::{Level, Local, TwoLinks, Validity};
-use crate::mechanism::{Cluster, read_turns, turn};
+use crate::mechanism::{read_turns, turn};
 use crate::scalar::{Real, constants};
 
 /// Links of a plane in the order in which they are closed.
@@ -95,12 +95,8 @@ constants! { Pin:
 
 impl<T: Real> Dyads<T> {
     /// The position, velocity and acceleration level in closed form.
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let cluster = local.cluster;
         match cluster.n_vy {
             1 if T::UNROLLED => self.close_for::<1>(&cluster.independent, local, level),
             2 if T::UNROLLED => self.close_for::<2>(&cluster.independent, local, level),

@@ -29,6 +29,9 @@ pub(crate) enum Level {
 
 /// The numbers of one cluster, by local coordinate (q), velocity (q̇, G, g) or body (cos_sin).
 pub(crate) struct Local<'a, T> {
+    /// The cluster and its bodies.
+    pub(crate) cluster: &'a Cluster<T>,
+    pub(crate) bodies: &'a [Body<T>],
     /// The closed pose from which a numerical closure continues (n_q).
     pub(crate) start: &'a [T],
     /// It is the zero pose, as the request gives no other: seeds may serve.

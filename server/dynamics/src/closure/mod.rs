@@ -54,7 +54,6 @@ pub(crate) use sliding::{DrivenSlide, Joints, Slider, SlidingPair};
 use sarrus_proto::Status;
 
 use self::numerical::continuation;
-use crate::mechanism::{Body, Cluster};
 use crate::scalar::{Real, constants};
 
 /// How a cluster's loops are closed.
@@ -81,74 +80,44 @@ impl<T: Real> Closure<T> {
     /// On entry `local.q` and `local.qd` hold y and, where the level asks for q̇, ẏ at the
     /// independents. On return q, the cosines and sines, and by level G, q̇ and g are those of the
     /// closed pose.
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Outcome {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Outcome {
         match self {
             // a free joint has nothing to close: q = y, G = 1, g = 0 are set where they are read
             Closure::Serial => Outcome::FINE,
             Closure::Coupling(coupling) => {
-                coupling.close(cluster, bodies, local, level);
+                coupling.close(local, level);
                 match &coupling.polish {
                     None => Outcome::FINE,
-                    Some(numerical) => {
-                        polished(Outcome::FINE, numerical, cluster, bodies, local, level)
-                    }
+                    Some(numerical) => polished(Outcome::FINE, numerical, local, level),
                 }
             }
             Closure::Planar(planar) => match &planar.polish {
-                None => report(planar.close(local, level), cluster, bodies, local),
-                Some(numerical) => polished(
-                    planar.close(local, Level::Position).into(),
-                    numerical,
-                    cluster,
-                    bodies,
-                    local,
-                    level,
-                ),
+                None => report(planar.close(local, level), local),
+                Some(numerical) => {
+                    polished(planar.close(local, Level::Position).into(), numerical, local, level)
+                }
             },
             Closure::Rrpr(rrpr) => match &rrpr.polish {
-                None => report(rrpr.close(local, level), cluster, bodies, local),
-                Some(numerical) => polished(
-                    rrpr.close(local, Level::Position).into(),
-                    numerical,
-                    cluster,
-                    bodies,
-                    local,
-                    level,
-                ),
+                None => report(rrpr.close(local, level), local),
+                Some(numerical) => {
+                    polished(rrpr.close(local, Level::Position).into(), numerical, local, level)
+                }
             },
             Closure::Platform(platform) => match &platform.polish {
-                None => {
-                    report(platform.close(cluster, bodies, local, level), cluster, bodies, local)
+                None => report(platform.close(local, level), local),
+                Some(numerical) => {
+                    polished(platform.close(local, Level::Position).into(), numerical, local, level)
                 }
-                Some(numerical) => polished(
-                    platform.close(cluster, bodies, local, Level::Position).into(),
-                    numerical,
-                    cluster,
-                    bodies,
-                    local,
-                    level,
-                ),
             },
-            Closure::Numerical(numerical) => numerical.close(cluster, bodies, local, level),
+            Closure::Numerical(numerical) => numerical.close(local, level),
         }
     }
 }
 
 /// How a closed form ended; where it is singular, whether K lost rank there or only its part K_d.
-fn report<T: Real>(
-    validity: Validity<T>,
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) -> Outcome {
+fn report<T: Real>(validity: Validity<T>, local: &mut Local<'_, T>) -> Outcome {
     if validity.singular && !validity.unreachable && local.q.iter().all(|q| q.is_finite()) {
-        return Outcome::failed(continuation::singular_status(cluster, bodies, local), 0);
+        return Outcome::failed(continuation::singular_status(local), 0);
     }
     validity.into()
 }
@@ -158,17 +127,15 @@ fn report<T: Real>(
 fn polished<T: Real>(
     closed_form: Outcome,
     numerical: &Numerical<T>,
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
     local: &mut Local<'_, T>,
     level: Level,
 ) -> Outcome {
     if closed_form.status != Status::Ok {
         return closed_form;
     }
-    let outcome = numerical.polish(cluster, bodies, local);
+    let outcome = numerical.polish(local);
     if outcome.status == Status::Ok {
-        numerical.differentiate(cluster, bodies, local, level, outcome)
+        numerical.differentiate(local, level, outcome)
     } else {
         outcome
     }

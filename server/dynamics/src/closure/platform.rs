@@ -16,7 +16,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Level, Local, Numerical, Rate, RodLeg, Strut, Validity};
-use crate::mechanism::{Body, Cluster, Dof, Motion, joint_pose, read_turns, turn};
+use crate::mechanism::{Dof, Motion, joint_pose, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
 use crate::spatial::{Matrix, Pose, zero};
 
@@ -117,13 +117,8 @@ impl<T: Real> Platform<T> {
     }
 
     /// The position, velocity and acceleration level in closed form.
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let &mut Local { cluster, bodies, .. } = local;
         // pose of the platform along the chain; its joints' axes and points are kept for the
         // Jacobian
         turn(&self.turned, local.q, local.cos_sin);

@@ -245,7 +245,7 @@ pub(super) fn close_zero(
             row.offset = whole.offset * share;
         }
         let outcome =
-            numerical.close(&part, bodies, &mut state.local(&mut scratch), Level::Position);
+            numerical.close(&mut state.local(&part, bodies, &mut scratch), Level::Position);
         // at a dead point the rounding of a file has no correction
         if offset == 0.0 && open <= ROUNDED * cluster.length && outcome.status != Status::Ok {
             return None;
@@ -288,8 +288,15 @@ impl<T: Real> State<T> {
         }
     }
 
-    pub(super) fn local<'a>(&'a mut self, scratch: &'a mut Scratch<T>) -> Local<'a, T> {
+    pub(super) fn local<'a>(
+        &'a mut self,
+        cluster: &'a Cluster<T>,
+        bodies: &'a [Body<T>],
+        scratch: &'a mut Scratch<T>,
+    ) -> Local<'a, T> {
         Local {
+            cluster,
+            bodies,
             start: &self.start,
             from_zero: false,
             is_trial: false,

@@ -48,7 +48,7 @@ pub(super) fn close_clusters(
         zero.copy_from_slice(&numerical.zero);
         let mut scratch = Scratch::new(cluster.n_q, cluster.rows.len());
         let mut state = State::new(cluster, zero);
-        numerical.set_reach(cluster, bodies, &mut state.local(&mut scratch));
+        numerical.set_reach(&mut state.local(cluster, bodies, &mut scratch));
         let candidate =
             Candidate { description, assembly, c, labels: &labels, cluster, bodies, numerical };
         let chosen = candidate.choose_closure(subject.zero, &mut closures, errors, warnings);

@@ -125,7 +125,7 @@ impl Table<'_> {
             self.ws.q[at.clone()].copy_from_slice(q);
             self.ws.start[at.clone()].copy_from_slice(zero);
             let bodies = self.model.bodies_of(cluster);
-            found &= form.complete(cluster, bodies, &mut self.ws.local(cluster));
+            found &= form.complete(&mut self.ws.local(cluster, bodies));
             q.copy_from_slice(&self.ws.q[at]);
         }
         found
@@ -146,7 +146,7 @@ impl Table<'_> {
         self.ws.q[cluster.coordinates()].copy_from_slice(&zero);
         self.ws.start[cluster.coordinates()].copy_from_slice(&zero);
         let bodies = model.bodies_of(cluster);
-        self.numerical.determinants(cluster, bodies, &mut self.ws.local(cluster));
+        self.numerical.determinants(&mut self.ws.local(cluster, bodies));
         self.signs = self.ws.scratch.branch[..self.numerical.choices[0].blocks.len()]
             .iter()
             .map(|det| det.signum())
@@ -253,12 +253,12 @@ impl Table<'_> {
             for (branch, sign) in self.ws.scratch.branch.iter_mut().zip(&self.signs) {
                 *branch = *sign;
             }
-            let mut local = self.ws.local(cluster);
-            outcome = Some(numerical.attempt(cluster, bodies, &mut local, moved)?);
+            let mut local = self.ws.local(cluster, bodies);
+            outcome = Some(numerical.attempt(&mut local, moved)?);
             self.ws.start[at.clone()].copy_from_slice(&self.ws.q[at.clone()]);
         }
-        let mut local = self.ws.local(cluster);
-        let ended = numerical.differentiate(cluster, bodies, &mut local, Level::Velocity, outcome?);
+        let mut local = self.ws.local(cluster, bodies);
+        let ended = numerical.differentiate(&mut local, Level::Velocity, outcome?);
         (ended.status == sarrus_proto::Status::Ok).then(|| Node {
             q: self.ws.q[at].to_vec(),
             G: self.ws.G[cluster.block()].to_vec(),

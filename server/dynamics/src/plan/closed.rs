@@ -185,7 +185,7 @@ impl Closed {
             ws.q[q] = ws.start[q];
         }
         let bodies = model.bodies_of(cluster);
-        let outcome = form.close(cluster, bodies, &mut ws.local(cluster), level);
+        let outcome = form.close(&mut ws.local(cluster, bodies), level);
         let is_closed = outcome.status == Status::Ok;
         Some(if is_closed { Ok(outcome.gain) } else { Err(outcome.status) })
     }

@@ -97,8 +97,8 @@ impl Plan {
         let Closure::Numerical(numerical) = &model.closures[block.cluster] else { return };
         workspace.q.copy_from_slice(q);
         let bodies = model.bodies_of(cluster);
-        let mut local = workspace.local(cluster);
-        let figures = numerical.one_step(block.block, cluster, bodies, &mut local);
+        let mut local = workspace.local(cluster, bodies);
+        let figures = numerical.one_step(block.block, &mut local);
         let unknowns = block.unknowns.iter().map(|i| workspace.q[*i]);
         output.iter_mut().zip(unknowns.chain(figures)).for_each(|(to, x)| *to = x);
     }
@@ -123,7 +123,7 @@ impl Plan {
             ws.q[cluster.coordinates()].copy_from_slice(&q[cluster.coordinates()]);
             let bodies = model.bodies_of(cluster);
             let level = self.steps.level;
-            let (good, gain) = numerical.rates_at(cluster, bodies, &mut ws.local(cluster), level);
+            let (good, gain) = numerical.rates_at(&mut ws.local(cluster, bodies), level);
             sound &= good;
             largest = largest.larger(gain);
         }

@@ -193,10 +193,16 @@ impl<T: Real> Workspace<T> {
 
     /// The workspace's numbers of one cluster.
     #[inline(always)]
-    pub(crate) fn local(&mut self, cluster: &Cluster<T>) -> Local<'_, T> {
+    pub(crate) fn local<'a>(
+        &'a mut self,
+        cluster: &'a Cluster<T>,
+        bodies: &'a [Body<T>],
+    ) -> Local<'a, T> {
         let q = cluster.coordinates();
         let v = cluster.velocities();
         Local {
+            cluster,
+            bodies,
             start: &self.start[q.clone()],
             from_zero: false,
             is_trial: false,
@@ -235,8 +241,8 @@ impl<T: Real> Workspace<T> {
         if let Closure::Numerical(numerical) = &model.closures[c] {
             self.bring_start(cluster, numerical);
         }
-        let mut local = Local { is_trial: true, ..self.local(cluster) };
-        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
+        let mut local = Local { is_trial: true, ..self.local(cluster, model.bodies_of(cluster)) };
+        let outcome = model.closures[c].close(&mut local, level);
         cluster.windings.count(local.start, local.q);
         outcome
     }
@@ -253,8 +259,8 @@ impl<T: Real> Workspace<T> {
         if let Closure::Numerical(numerical) = &model.closures[c] {
             self.bring_start(cluster, numerical);
         }
-        let mut local = Local { from_zero: zero, ..self.local(cluster) };
-        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
+        let mut local = Local { from_zero: zero, ..self.local(cluster, model.bodies_of(cluster)) };
+        let outcome = model.closures[c].close(&mut local, level);
         if !zero || cluster.windings.leave(local.q) {
             cluster.windings.count(local.start, local.q);
         }

@@ -59,7 +59,8 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
     let mut search = Planned::new(model, &search)?;
     search.give(Field::YGuess, &looking.input);
     let mut looking_exactly = Planned::new(exact, &look)?;
-    let (mut ns, mut errors) = (Vec::new(), Vec::new());
+    let mut ns = Vec::new();
+    let mut errors = Vec::new();
     for target in &targets {
         search.give(Field::TaskTarget, &[target, &[0.0, 0.0, 1.0, 1.0][..]].concat());
         // the second search has its numbers in the caches

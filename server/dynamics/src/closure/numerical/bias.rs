@@ -3,18 +3,19 @@
 use crate::closure::Local;
 use crate::closure::constraint::rows::row_acceleration;
 use crate::closure::numerical::block::{Block, RowKind, RowsAt, by_width};
-use crate::mechanism::{Cluster, Cut};
+use crate::mechanism::Cut;
 use crate::scalar::Real;
 
 impl Block {
     /// The block's rows of g from the bodies' rates and the inverse that [`Block::jacobian`] left:
     /// g_d = K_d⁻¹ (k − K_before g_before).
     #[inline]
-    pub(super) fn bias<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) {
+    pub(super) fn bias<T: Real>(&self, local: &mut Local<'_, T>) {
+        let cluster = local.cluster;
         match (self.series.filter(|_| T::UNROLLED), self.unknowns.len()) {
-            (Some(_), 1) => self.bias_in_series::<T, 1>(cluster, local),
-            (Some(_), 2) => self.bias_in_series::<T, 2>(cluster, local),
-            (Some(_), _) => self.bias_in_series::<T, 3>(cluster, local),
+            (Some(_), 1) => self.bias_in_series::<T, 1>(local),
+            (Some(_), 2) => self.bias_in_series::<T, 2>(local),
+            (Some(_), _) => self.bias_in_series::<T, 3>(local),
             _ => by_width!(self.bias_of_width(&cluster.cuts, local)),
         }
     }

@@ -7,7 +7,7 @@ use sarrus_proto::Status;
 
 use crate::closure::numerical::{Branches, Numerical, continuation};
 use crate::closure::{Local, Outcome};
-use crate::mechanism::{Body, Cluster};
+use crate::mechanism::Cluster;
 use crate::scalar::Real;
 
 /// Part of a path along the tangent by which its end may miss it.
@@ -16,13 +16,12 @@ const ASTRAY: f64 = 0.2;
 /// Follows the straight path, and continues along the tangent, if given, at a bifurcation.
 pub(in crate::closure) fn follow_or_bifurcate<T: Real>(
     numerical: &Numerical<T>,
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
     local: &mut Local<'_, T>,
     iterations: u32,
 ) -> Outcome {
+    let cluster = local.cluster;
     let n = cluster.n_q;
-    let followed = continuation::follow(numerical, cluster, bodies, local, iterations);
+    let followed = continuation::follow(numerical, local, iterations);
     let at_bifurcation = matches!(
         followed.status,
         Status::BranchChanged | Status::SingularClosure | Status::SingularIndependents
@@ -40,7 +39,7 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Real>(
     };
     let dependents = || cluster.dependent.iter().map(|v| (&cluster.dofs[*v], tangent[*v] * share));
     dependents().for_each(|(dof, step)| dof.advance(local.q, step));
-    let (good, count) = numerical.newton(cluster, bodies, local, Branches::Unknown, T::ZERO);
+    let (good, count) = numerical.newton(local, Branches::Unknown, T::ZERO);
 
     // how far Newton's method went from where the tangent led, against the distance
     let mut off = T::ZERO;
@@ -53,7 +52,7 @@ pub(in crate::closure) fn follow_or_bifurcate<T: Real>(
     let iterations = followed.iterations + count;
     let is_near = off < distance * T::from_f64(ASTRAY);
     if good && is_near && (!numerical.meets || continuation::is_apart(numerical, local, off)) {
-        let gap = continuation::redundant_gap(cluster, local);
+        let gap = continuation::redundant_gap(local);
         if continuation::holds(gap) {
             return Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) };
         }

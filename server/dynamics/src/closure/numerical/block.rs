@@ -8,7 +8,7 @@ use crate::closure::numerical::elimination::Elimination;
 use crate::closure::numerical::inverse::{
     ANY, Inverted, ROOTS, accurate, inverse_square_sines, invert,
 };
-use crate::mechanism::{Body, Cluster, Cut, Dof, single_pose};
+use crate::mechanism::{Cut, Dof, single_pose};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Pose, zero};
 
@@ -124,15 +124,16 @@ impl Block {
     }
 
     /// The determinant at the closed pose in `local`, whose poses are fresh.
-    pub(super) fn determinant<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
-        self.evaluate::<T, ANY>(cluster, local, true);
+    pub(super) fn determinant<T: Real>(&self, local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(local, true);
         self.invert::<T, ANY>(local).det
     }
 
     /// 1/sin² of the angle that vanishes at a singular pose, at the pose in `local`, whose poses
     /// are fresh; infinite where the block cannot be inverted.
-    pub(super) fn gain<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
-        self.evaluate::<T, ANY>(cluster, local, true);
+    pub(super) fn gain<T: Real>(&self, local: &mut Local<'_, T>) -> T {
+        let cluster = local.cluster;
+        self.evaluate::<T, ANY>(local, true);
         let inverted = self.invert::<T, ANY>(local);
         match (inverted.sound, self.unknowns.len()) {
             (false, _) => T::from_f64(f64::INFINITY),
@@ -143,8 +144,8 @@ impl Block {
 
     /// 1/sin²α of the rule of an attempt at the pose in `local`, whose poses are fresh; infinite
     /// where the block cannot be inverted.
-    pub(super) fn near<T: Real>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) -> T {
-        self.evaluate::<T, ANY>(cluster, local, true);
+    pub(super) fn near<T: Real>(&self, local: &mut Local<'_, T>) -> T {
+        self.evaluate::<T, ANY>(local, true);
         let inverted = self.invert::<T, ANY>(local);
         if inverted.sound { inverted.near } else { T::from_f64(f64::INFINITY) }
     }
@@ -195,12 +196,8 @@ impl Block {
 
     /// Poses of the block's bodies from coordinates and their cosines and sines.
     #[inline(always)]
-    pub(super) fn place<T: Real>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
+    pub(super) fn place<T: Real>(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         let scratch = &mut *local.scratch;
         for &(j, held) in &self.bodies {
             if held {
@@ -218,10 +215,10 @@ impl Block {
     #[inline(always)]
     pub(super) fn evaluate<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         jacobian: bool,
     ) -> T {
+        let cluster = local.cluster;
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         let phi = &mut scratch.phi[..m];

@@ -43,13 +43,8 @@ constants! { BlockForm:
 
 impl<T: Real> Chain<T> {
     /// All levels.
-    pub(super) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    pub(super) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.choice = 0;
         turn(&self.given, local.q, local.cos_sin);
         let mut validity = Validity::fine();
@@ -65,7 +60,7 @@ impl<T: Real> Chain<T> {
         for j in 0..cluster.n {
             place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
         }
-        let is_regular = self.rows.rates(cluster, bodies, local, level);
+        let is_regular = self.rows.rates(local, level);
         Validity { singular: validity.singular | !is_regular, ..validity }
     }
 }
@@ -79,6 +74,8 @@ impl<T: Real> BlockForm<T> {
             q[own] = local.q[*j];
         }
         let mut own = Local {
+            cluster: &self.cluster,
+            bodies: &self.bodies,
             start: &[],
             from_zero: false,
             is_trial: true,
@@ -90,7 +87,7 @@ impl<T: Real> BlockForm<T> {
             g: &mut [],
             scratch: local.scratch,
         };
-        let (validity, _) = self.form.close(&self.cluster, &self.bodies, &mut own, Level::Position);
+        let (validity, _) = self.form.close(&mut own, Level::Position);
         for own in &self.cluster.dependent {
             let j = self.joints[*own];
             local.q[j] = q[*own];

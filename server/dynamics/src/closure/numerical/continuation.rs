@@ -10,7 +10,7 @@ use crate::closure::{
     dependents_range, interpolate, largest_residual, local_poses, row_unit, rows_at, scaled,
 };
 use crate::linalg::{singular_range, solve_pivoted};
-use crate::mechanism::{Body, Cluster};
+use crate::mechanism::Cluster;
 use crate::scalar::Real;
 
 /// Most attempts at a substep per request; each takes at most ten Newton steps per block.
@@ -42,11 +42,10 @@ const DOUBTFUL: f64 = 10.0;
 /// doubtful substeps.
 pub(in crate::closure) fn follow<T: Real>(
     numerical: &Numerical<T>,
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
     local: &mut Local<'_, T>,
     mut iterations: u32,
 ) -> Outcome {
+    let cluster = local.cluster;
     let n = cluster.n_q;
     for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
@@ -54,17 +53,17 @@ pub(in crate::closure) fn follow<T: Real>(
     local.q.copy_from_slice(local.start);
     local.scratch.last[..n].copy_from_slice(local.start);
     // a guess that is not quite closed is closed first, at its own y
-    numerical.settle(cluster, bodies, local);
-    let (closed, count) = numerical.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
+    numerical.settle(local);
+    let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
     iterations += count;
     if !closed {
         local.q.copy_from_slice(local.start);
         local.scratch.goal[..n].copy_from_slice(local.start);
-        return Outcome::failed(stalled(cluster, bodies, local), iterations);
+        return Outcome::failed(stalled(local), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
-    numerical.remember(cluster, bodies, local);
-    let mut leads_on = leads_on_from(numerical, cluster, bodies, local);
+    numerical.remember(local);
+    let mut leads_on = leads_on_from(numerical, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
     let mut at = 0.0;
     let mut step = FIRST;
@@ -73,7 +72,7 @@ pub(in crate::closure) fn follow<T: Real>(
     let mut open = T::ZERO;
     while at < 1.0 {
         if local.scratch.left == 0 {
-            leave_at_last(cluster, local);
+            leave_at_last(local);
             return Outcome::failed(Status::NotConverged, iterations);
         }
         attempts += 1;
@@ -89,16 +88,16 @@ pub(in crate::closure) fn follow<T: Real>(
         let (good, count) = if at == 0.0 && numerical.is_far(local, moved) {
             (false, 0)
         } else {
-            numerical.newton(cluster, bodies, local, Branches::Remembered, moved)
+            numerical.newton(local, Branches::Remembered, moved)
         };
         iterations += count;
-        let gap = if good { redundant_gap(cluster, local) } else { T::ZERO };
-        if good && holds(gap) && leads_on && goes_straight(numerical, cluster, local) {
+        let gap = if good { redundant_gap(local) } else { T::ZERO };
+        if good && holds(gap) && leads_on && goes_straight(numerical, local) {
             open = gap;
             local.scratch.last[..n].copy_from_slice(local.q);
-            numerical.settle(cluster, bodies, local);
+            numerical.settle(local);
             at = next;
-            leads_on = at == 1.0 || leads_on_from(numerical, cluster, bodies, local);
+            leads_on = at == 1.0 || leads_on_from(numerical, local);
             // right after a failure the same step again
             step *= if failed { 1.0 } else { 2.0 };
             failed = false;
@@ -107,11 +106,11 @@ pub(in crate::closure) fn follow<T: Real>(
             failed = true;
             let most = if local.is_trial { TRIALS } else { ATTEMPTS };
             if step < SHORTEST || attempts > most {
-                leave_at_last(cluster, local);
+                leave_at_last(local);
                 let status = if attempts > most || local.is_trial {
                     Status::NotConverged
                 } else {
-                    stalled(cluster, bodies, local)
+                    stalled(local)
                 };
                 return Outcome::failed(status, iterations);
             }
@@ -122,7 +121,8 @@ pub(in crate::closure) fn follow<T: Real>(
 
 /// Leaves the given independents with the dependents of the last closed pose, and that pose in
 /// `goal`, where diagnostics read it.
-fn leave_at_last<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) {
+fn leave_at_last<T: Real>(local: &mut Local<'_, T>) {
+    let cluster = local.cluster;
     let scratch = &mut *local.scratch;
     for &j in &cluster.independent_q {
         local.q[j] = scratch.goal[j];
@@ -134,28 +134,20 @@ fn leave_at_last<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) {
 }
 
 /// The tangent at the closed pose into G, where assemblies can meet; false where it has none.
-fn leads_on_from<T: Real>(
-    numerical: &Numerical<T>,
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) -> bool {
+fn leads_on_from<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) -> bool {
     if !numerical.meets {
         return true;
     }
     let blocks = &numerical.chosen(local.scratch).blocks;
     local.scratch.spend(blocks.iter().map(|block| block.work).sum());
-    numerical.rates(cluster, bodies, local, Level::Jacobian)
+    numerical.rates(local, Level::Jacobian)
 }
 
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to
 /// the tangent that it cannot have changed from one to the other: between them lies more than the
 /// angle whose sine vanishes where they meet.
-fn goes_straight<T: Real>(
-    numerical: &Numerical<T>,
-    cluster: &Cluster<T>,
-    local: &Local<'_, T>,
-) -> bool {
+fn goes_straight<T: Real>(numerical: &Numerical<T>, local: &Local<'_, T>) -> bool {
+    let cluster = local.cluster;
     if !numerical.meets {
         return true;
     }
@@ -187,10 +179,8 @@ pub(in crate::closure) fn is_apart<T: Real>(
 
 /// Largest gap of the rows that the solution leaves out, in radians or lengths of the cluster; the
 /// poses are fresh.
-pub(in crate::closure) fn redundant_gap<T: Real>(
-    cluster: &Cluster<T>,
-    local: &mut Local<'_, T>,
-) -> T {
+pub(in crate::closure) fn redundant_gap<T: Real>(local: &mut Local<'_, T>) -> T {
+    let cluster = local.cluster;
     if cluster.used.len() == cluster.rows.len() {
         return T::ZERO;
     }
@@ -205,10 +195,10 @@ pub(in crate::closure) fn holds<T: Real>(gap: T) -> bool {
 }
 
 /// Why the path to the goal in `local.q` ended: some other closed pose has its y, or none has.
-fn stalled<T: Real>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) -> Status {
-    match search(cluster, bodies, local) {
+fn stalled<T: Real>(local: &mut Local<'_, T>) -> Status {
+    match search(local) {
         Some(false) => Status::Unreachable,
-        Some(true) if nearly_singular(cluster, local) => singular_status(cluster, bodies, local),
+        Some(true) if nearly_singular(local) => singular_status(local),
         Some(true) => Status::BranchChanged,
         None => Status::NotConverged,
     }
@@ -217,11 +207,8 @@ fn stalled<T: Real>(cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<
 /// Levenberg-Marquardt on the dependents at fixed y, from `local.q`. `Some(true)`: the loops close.
 /// `Some(false)`: a least distance was found that is not zero. `None`: neither within the steps
 /// allowed.
-fn search<T: Real>(
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) -> Option<bool> {
+fn search<T: Real>(local: &mut Local<'_, T>) -> Option<bool> {
+    let &mut Local { cluster, bodies, .. } = local;
     let m = cluster.dependent.len();
     let rows = cluster.rows.len();
     let [found, level, lightest] =
@@ -298,7 +285,8 @@ fn squared_residual<T: Real>(cluster: &Cluster<T>, scratch: &mut Scratch<T>, q: 
 }
 
 /// True where K_d is near a loss of rank at the pose that the search found, whose poses are fresh.
-fn nearly_singular<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> bool {
+fn nearly_singular<T: Real>(local: &mut Local<'_, T>) -> bool {
+    let cluster = local.cluster;
     let scratch = &mut *local.scratch;
     constraint_jacobian(cluster, &scratch.pose, local.q, &mut scratch.K);
     let (largest, least) = dependents_range(cluster, scratch);
@@ -307,11 +295,8 @@ fn nearly_singular<T: Real>(cluster: &Cluster<T>, local: &mut Local<'_, T>) -> b
 
 /// Which rank was lost where a block of K_d could not be inverted: that of the whole K, or only
 /// that of K_d.
-pub(in crate::closure) fn singular_status<T: Real>(
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) -> Status {
+pub(in crate::closure) fn singular_status<T: Real>(local: &mut Local<'_, T>) -> Status {
+    let &mut Local { cluster, bodies, .. } = local;
     let scratch = &mut *local.scratch;
     local_poses(cluster, bodies, local.q, local.cos_sin, &mut scratch.pose);
     constraint_jacobian(cluster, &scratch.pose, local.q, &mut scratch.K);

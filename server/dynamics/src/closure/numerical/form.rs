@@ -7,7 +7,7 @@ use crate::closure::numerical::{Chain, Numerical};
 use crate::closure::{
     Coupling, Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr, Validity,
 };
-use crate::mechanism::{Body, Cluster, Dof, Winding};
+use crate::mechanism::{Dof, Winding};
 use crate::scalar::{Real, constants};
 
 /// 1/sin² of the angle that vanishes at a singular pose beyond which the rows themselves answer:
@@ -64,8 +64,6 @@ impl<T: Real> Numerical<T> {
     pub(super) fn close_in_form(
         &self,
         seeds: &Seeds,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
     ) -> Option<Outcome> {
@@ -75,7 +73,7 @@ impl<T: Real> Numerical<T> {
         } else if !seeds.find(local.start, local.q) {
             return None;
         }
-        let outcome = form.close(cluster, bodies, local, level);
+        let outcome = form.close(local, level);
         let is_sound = outcome.status == Status::Ok && outcome.gain < form.most_gain();
         is_sound.then_some(outcome)
     }
@@ -123,19 +121,14 @@ impl<T> Formed<T> {
 
 impl<T: Real> Formed<T> {
     /// The dependents that the table leaves out, from those that it has; false where there is none.
-    pub(crate) fn complete(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) -> bool {
+    pub(crate) fn complete(&self, local: &mut Local<'_, T>) -> bool {
         let is_there = match &self.form {
             Form::Rods(rods) => {
-                rods.complete(cluster, bodies, local);
+                rods.complete(local);
                 true
             }
             Form::Chain(chain) => {
-                let outcome = Outcome::from(chain.close(cluster, bodies, local, Level::Position));
+                let outcome = Outcome::from(chain.close(local, Level::Position));
                 outcome.status == Status::Ok
             }
             _ => return true,
@@ -154,17 +147,11 @@ impl<T: Real> Formed<T> {
 
     /// All levels, wherever that is.
     #[inline]
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Outcome {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Outcome {
         let (validity, iterations) = match &self.form {
-            Form::Platform(platform) => (platform.close(cluster, bodies, local, level), 0),
-            Form::Dyads(dyads) => (dyads.close(cluster, local, level), 0),
-            other => other.close(cluster, bodies, local, level),
+            Form::Platform(platform) => (platform.close(local, level), 0),
+            Form::Dyads(dyads) => (dyads.close(local, level), 0),
+            other => other.close(local, level),
         };
         self.wind(local);
         Outcome { iterations, ..validity.into() }
@@ -175,26 +162,20 @@ impl<T: Real> Form<T> {
     /// All levels, and the number of steps; out of line so that those of a form lengthen no code of
     /// another.
     #[inline(never)]
-    pub(super) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> (Validity<T>, u32) {
+    pub(super) fn close(&self, local: &mut Local<'_, T>, level: Level) -> (Validity<T>, u32) {
         let validity = match self {
-            Form::Platform(platform) => platform.close(cluster, bodies, local, level),
+            Form::Platform(platform) => platform.close(local, level),
             Form::Planar(planar) => planar.close(local, level),
             Form::Rrpr(rrpr) => rrpr.close(local, level),
-            Form::Dyads(dyads) => dyads.close(cluster, local, level),
+            Form::Dyads(dyads) => dyads.close(local, level),
             Form::Rods(rods) => {
-                return (rods.close(cluster, bodies, local, level), rods.steps as u32);
+                return (rods.close(local, level), rods.steps as u32);
             }
             Form::Coupling(coupling) => {
-                coupling.close(cluster, bodies, local, level);
+                coupling.close(local, level);
                 Validity::fine()
             }
-            Form::Chain(chain) => chain.close(cluster, bodies, local, level),
+            Form::Chain(chain) => chain.close(local, level),
         };
         (validity, 0)
     }

@@ -4,7 +4,6 @@ use crate::closure::numerical::block::{Block, RowsAt, by_width};
 use crate::closure::numerical::inverse::Inverted;
 use crate::closure::numerical::series::INDEPENDENTS;
 use crate::closure::{Level, Local, column_unit};
-use crate::mechanism::Cluster;
 use crate::scalar::Real;
 
 impl Block {
@@ -12,31 +11,27 @@ impl Block {
     /// blocks on the right-hand side. Returns whether they are regular, and
     /// 1/sin² of the angle that vanishes at a singular pose of the block.
     #[inline]
-    pub(super) fn jacobian<T: Real>(
-        &self,
-        cluster: &Cluster<T>,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> (bool, T) {
+    pub(super) fn jacobian<T: Real>(&self, local: &mut Local<'_, T>, level: Level) -> (bool, T) {
+        let cluster = local.cluster;
         if T::UNROLLED && self.series.is_some() && cluster.n_vy <= INDEPENDENTS {
             return match self.unknowns.len() {
-                1 => self.jacobian_in_series::<T, 1>(cluster, local, level),
-                2 => self.jacobian_in_series::<T, 2>(cluster, local, level),
-                _ => self.jacobian_in_series::<T, 3>(cluster, local, level),
+                1 => self.jacobian_in_series::<T, 1>(local, level),
+                2 => self.jacobian_in_series::<T, 2>(local, level),
+                _ => self.jacobian_in_series::<T, 3>(local, level),
             };
         }
-        by_width!(self.jacobian_of_width(cluster, local, level))
+        by_width!(self.jacobian_of_width(local, level))
     }
 
     fn jacobian_of_width<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
     ) -> (bool, T) {
+        let cluster = local.cluster;
         let m = self.width::<M>();
         let n_vy = cluster.n_vy;
-        self.both_sides::<T, M>(cluster, local);
+        self.both_sides::<T, M>(local);
         let scratch = &mut *local.scratch;
         // one row alone: its independents move it more than its unknown does
         let lever_ratio = (m == 1).then(|| {
@@ -67,7 +62,8 @@ impl Block {
 
     /// A = K_d of the block, B = K_i + K_before G_before.
     #[inline(always)]
-    fn both_sides<T: Real, const M: usize>(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>) {
+    fn both_sides<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) {
+        let cluster = local.cluster;
         let m = self.width::<M>();
         let n_vy = cluster.n_vy;
         let scratch = &mut *local.scratch;

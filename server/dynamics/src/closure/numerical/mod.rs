@@ -33,7 +33,7 @@ use crate::closure::numerical::newton::{CAUTION, Start};
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
 use crate::closure::{Level, Local, Outcome, Rate, Scratch};
-use crate::mechanism::{Body, Cluster, Dof, Motion, turn_some};
+use crate::mechanism::{Dof, Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
@@ -135,15 +135,11 @@ impl<T: Real> Numerical<T> {
     }
 
     /// Sets the reach of attempts from the zero pose, which is in `local.q`.
-    pub(crate) fn set_reach(
-        &mut self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
+    pub(crate) fn set_reach(&mut self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         let blocks = self.choices[0].blocks.iter().filter(|block| !block.couples);
-        let near = blocks.map(|block| block.near(cluster, local)).fold(T::ONE, T::larger).to_f64();
+        let near = blocks.map(|block| block.near(local)).fold(T::ONE, T::larger).to_f64();
         if near.is_finite() {
             self.reach = CAUTION / near.sqrt();
         }
@@ -170,7 +166,8 @@ impl<T: Real> Numerical<T> {
 
     /// Takes the choice of rows that is farthest from a singular pose at the closed pose in
     /// `local.q`.
-    fn choose(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+    fn choose(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         if self.choices.len() == 1 {
             return;
         }
@@ -180,7 +177,7 @@ impl<T: Real> Numerical<T> {
         for (k, choice) in self.choices.iter().enumerate() {
             let gain = choice.blocks.iter().fold(T::ONE, |gain, block| {
                 local.scratch.spend(block.work);
-                gain * block.gain(cluster, local)
+                gain * block.gain(local)
             });
             if gain < least {
                 (least, best) = (gain, k);
@@ -195,12 +192,11 @@ impl<T: Real> Numerical<T> {
     /// from the pose that the dependents are of.
     pub(in crate::closure) fn newton(
         &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         branches: Branches,
         moved: T,
     ) -> (bool, u32) {
+        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.pose[0] = Pose::identity();
         let turns = bodies.iter().enumerate().filter(|(_, body)| body.motion == Motion::Revolute);
         turn_some(turns.map(|(j, body)| (j, body.q - cluster.q)), local.q, local.cos_sin);
@@ -217,7 +213,7 @@ impl<T: Real> Numerical<T> {
                 _ => None,
             };
             let start = Start { branch, moved };
-            let (fine, count, own) = block.newton(cluster, bodies, local, start, self.end);
+            let (fine, count, own) = block.newton(local, start, self.end);
             block.multiply_gain(b, own, &mut local.scratch.gain);
             local.scratch.spend(u64::from(count) * block.work);
             good &= fine;
@@ -233,24 +229,15 @@ impl<T: Real> Numerical<T> {
     }
 
     /// Takes the best choice of rows at the closed pose in `local.q`, and notes its branch.
-    pub(in crate::closure) fn settle(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
-        self.choose(cluster, bodies, local);
-        self.remember(cluster, bodies, local);
+    pub(in crate::closure) fn settle(&self, local: &mut Local<'_, T>) {
+        self.choose(local);
+        self.remember(local);
     }
 
     /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
     /// show it.
-    pub(in crate::closure) fn remember(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
+    pub(in crate::closure) fn remember(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         let blocks = &self.chosen(local.scratch).blocks;
         if !blocks.iter().any(|block| block.remember) {
             return;
@@ -258,19 +245,14 @@ impl<T: Real> Numerical<T> {
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         for (b, block) in blocks.iter().enumerate().filter(|(_, block)| block.remember) {
             local.scratch.spend(block.work);
-            local.scratch.branch[b] = block.determinant(cluster, local);
+            local.scratch.branch[b] = block.determinant(local);
         }
     }
 
     /// The levels below the position at the closed pose: G, q̇, then g; where they mean something.
     #[inline]
-    pub(in crate::closure) fn rates(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> bool {
+    pub(in crate::closure) fn rates(&self, local: &mut Local<'_, T>, level: Level) -> bool {
+        let &mut Local { cluster, bodies, .. } = local;
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
             for other in 0..m {
@@ -283,7 +265,7 @@ impl<T: Real> Numerical<T> {
         let mut good = true;
         let Blocks { blocks, on_way, .. } = self.chosen(local.scratch);
         for (b, block) in blocks.iter().enumerate() {
-            let (sound, own) = block.jacobian(cluster, local, level);
+            let (sound, own) = block.jacobian(local, level);
             block.multiply_gain(b, own, &mut local.scratch.gain);
             good &= sound;
         }
@@ -306,7 +288,7 @@ impl<T: Real> Numerical<T> {
                 rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
             }
             for block in blocks {
-                block.bias(cluster, local);
+                block.bias(local);
             }
         }
         good
@@ -315,13 +297,8 @@ impl<T: Real> Numerical<T> {
 
 impl<T: Real> Numerical<T> {
     /// Position level from the closed pose `local.start`, then the levels below.
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Outcome {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Outcome {
+        let cluster = local.cluster;
         local.scratch.choice = 0;
         for &i in &cluster.dependent_q {
             local.q[i] = local.start[i];
@@ -329,11 +306,11 @@ impl<T: Real> Numerical<T> {
         if local.from_zero
             && let Some(seeds) = &self.seeds
         {
-            if let Some(outcome) = self.close_in_form(seeds, cluster, bodies, local, level) {
+            if let Some(outcome) = self.close_in_form(seeds, local, level) {
                 return outcome;
             }
-            if let Some(outcome) = self.close_from(seeds, cluster, bodies, local) {
-                return self.differentiate(cluster, bodies, local, level, outcome);
+            if let Some(outcome) = self.close_from(seeds, local) {
+                return self.differentiate(local, level, outcome);
             }
             for &i in &cluster.dependent_q {
                 local.q[i] = local.start[i];
@@ -343,86 +320,65 @@ impl<T: Real> Numerical<T> {
         let (good, iterations) = if self.meets || self.is_far(local, moved) {
             (false, 0)
         } else {
-            self.newton(cluster, bodies, local, Branches::Unknown, moved)
+            self.newton(local, Branches::Unknown, moved)
         };
-        let gap = if good { continuation::redundant_gap(cluster, local) } else { T::ZERO };
+        let gap = if good { continuation::redundant_gap(local) } else { T::ZERO };
         let outcome = if good && continuation::holds(gap) {
             Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) }
         } else {
-            bifurcation::follow_or_bifurcate(self, cluster, bodies, local, iterations)
+            bifurcation::follow_or_bifurcate(self, local, iterations)
         };
         if outcome.status == Status::Ok {
-            self.differentiate(cluster, bodies, local, level, outcome)
+            self.differentiate(local, level, outcome)
         } else {
             outcome
         }
     }
 
     /// One attempt from a seed, if there is one.
-    fn close_from(
-        &self,
-        seeds: &Seeds,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) -> Option<Outcome> {
+    fn close_from(&self, seeds: &Seeds, local: &mut Local<'_, T>) -> Option<Outcome> {
         if seeds.columns.is_empty() || !seeds.find(local.start, local.q) {
             return None;
         }
         if let Some(form) = &self.form {
-            form.complete(cluster, bodies, local);
+            form.complete(local);
         }
         for (branch, sign) in local.scratch.branch.iter_mut().zip(&seeds.signs) {
             *branch = T::from_f64(*sign);
         }
-        self.attempt(cluster, bodies, local, T::ZERO)
+        self.attempt(local, T::ZERO)
     }
 
     /// One straight attempt from the dependents in `local.q`, on the branch whose signs of
     /// determinants are in the scratch; the independents have moved so far from the pose that the
     /// dependents are of.
-    pub(crate) fn attempt(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        moved: T,
-    ) -> Option<Outcome> {
-        let (good, iterations) = self.newton(cluster, bodies, local, Branches::All, moved);
+    pub(crate) fn attempt(&self, local: &mut Local<'_, T>, moved: T) -> Option<Outcome> {
+        let (good, iterations) = self.newton(local, Branches::All, moved);
         if !good {
             return None;
         }
-        let gap = continuation::redundant_gap(cluster, local);
+        let gap = continuation::redundant_gap(local);
         let outcome = Outcome { open: gap.to_f64(), ..Outcome::closed(iterations) };
         continuation::holds(gap).then_some(outcome)
     }
 
     /// Determinant of each block at the closed pose in `local.q`, into the scratch.
-    pub(crate) fn determinants(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
+    pub(crate) fn determinants(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.choice = 0;
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         for (b, block) in self.choices[0].blocks.iter().enumerate() {
-            local.scratch.branch[b] = block.determinant(cluster, local);
+            local.scratch.branch[b] = block.determinant(local);
         }
     }
 
     /// Newton steps from a closed form's answer, on its branch.
-    pub(crate) fn polish(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) -> Outcome {
+    pub(crate) fn polish(&self, local: &mut Local<'_, T>) -> Outcome {
         local.scratch.choice = 0;
-        self.remember(cluster, bodies, local);
-        let (good, iterations) = self.newton(cluster, bodies, local, Branches::Remembered, T::ZERO);
+        self.remember(local);
+        let (good, iterations) = self.newton(local, Branches::Remembered, T::ZERO);
         if good {
-            let open = continuation::redundant_gap(cluster, local).to_f64();
+            let open = continuation::redundant_gap(local).to_f64();
             Outcome { open, ..Outcome::closed(iterations) }
         } else {
             Outcome::failed(Status::NotConverged, iterations)
@@ -433,21 +389,16 @@ impl<T: Real> Numerical<T> {
     #[inline(always)]
     pub(crate) fn differentiate(
         &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         level: Level,
         outcome: Outcome,
     ) -> Outcome {
-        let mut sound = level == Level::Position || self.rates(cluster, bodies, local, level);
+        let mut sound = level == Level::Position || self.rates(local, level);
         if self.choices.len() > 1 {
-            sound = self.rechosen(cluster, bodies, local, level, sound);
+            sound = self.rechosen(local, level, sound);
         }
         if !sound {
-            return Outcome::failed(
-                continuation::singular_status(cluster, bodies, local),
-                outcome.iterations,
-            );
+            return Outcome::failed(continuation::singular_status(local), outcome.iterations);
         }
         Outcome { gain: self.gain(local).to_f64(), ..outcome }
     }
@@ -462,23 +413,16 @@ impl<T: Real> Numerical<T> {
     /// Whether the levels below the position are sound, by another choice of rows where the one in
     /// use is poor and another one closes the pose to the last digit.
     #[inline(never)]
-    fn rechosen(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-        sound: bool,
-    ) -> bool {
+    fn rechosen(&self, local: &mut Local<'_, T>, level: Level, sound: bool) -> bool {
         if sound && self.gain(local).lt(T::from_f64(POOR)) {
             return sound;
         }
         let before = local.scratch.choice;
-        self.choose(cluster, bodies, local);
+        self.choose(local);
         if local.scratch.choice == before {
             return sound;
         }
-        self.newton(cluster, bodies, local, Branches::Unknown, T::ZERO).0
-            && (level == Level::Position || self.rates(cluster, bodies, local, level))
+        self.newton(local, Branches::Unknown, T::ZERO).0
+            && (level == Level::Position || self.rates(local, level))
     }
 }

@@ -39,7 +39,7 @@ use crate::closure::numerical::End;
 use crate::closure::numerical::block::{Block, by_width};
 use crate::closure::numerical::inverse::Inverted;
 use crate::linalg::column_square;
-use crate::mechanism::{Body, Cluster, Motion, turn_some};
+use crate::mechanism::{Cluster, Motion, turn_some};
 use crate::scalar::Real;
 
 /// Largest first step, in radians or cluster lengths.
@@ -176,30 +176,27 @@ impl Block {
     #[inline]
     pub(super) fn newton<T: Real>(
         &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
     ) -> (bool, u32, T) {
         if T::UNROLLED && self.series.is_some() {
             return match self.unknowns.len() {
-                1 => self.newton_in_series::<T, 1>(cluster, bodies, local, start, end),
-                2 => self.newton_in_series::<T, 2>(cluster, bodies, local, start, end),
-                _ => self.newton_in_series::<T, 3>(cluster, bodies, local, start, end),
+                1 => self.newton_in_series::<T, 1>(local, start, end),
+                2 => self.newton_in_series::<T, 2>(local, start, end),
+                _ => self.newton_in_series::<T, 3>(local, start, end),
             };
         }
-        by_width!(self.newton_of_width(cluster, bodies, local, start, end))
+        by_width!(self.newton_of_width(local, start, end))
     }
 
     fn newton_of_width<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
     ) -> (bool, u32, T) {
+        let &mut Local { cluster, bodies, .. } = local;
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         if self.couples {
@@ -214,22 +211,22 @@ impl Block {
                 scratch.base[j] = base(cluster, bodies, j, &scratch.pose);
             }
         }
-        self.place(cluster, bodies, local);
+        self.place(local);
         for k in 0..end.steps {
             // φ(q_k), and A⁻¹ unless the chord rule keeps it
             let tiny = k > 0 && attempt.size.lt(thresholds.chord);
             let kept = k > 0 && self.keeps::<M>(end) && attempt.is_steady(&thresholds);
             let fresh = !tiny && !kept;
-            let residual = self.evaluate::<T, M>(cluster, local, fresh);
+            let residual = self.evaluate::<T, M>(local, fresh);
             if k == 0 {
                 let gain;
                 (gain, trust) = self.first_inverse::<T, M>(local, start, &mut attempt);
                 attempt.gain = match self.width::<M>() {
-                    1 => self.lever_gain(cluster, local),
+                    1 => self.lever_gain(local),
                     _ => gain,
                 };
             } else if fresh {
-                attempt.gain = self.next_inverse::<T, M>(cluster, local, &mut attempt);
+                attempt.gain = self.next_inverse::<T, M>(local, &mut attempt);
             }
             // Δ_k = A⁻¹ φ(q_k), q_{k+1} = q_k − Δ_k, s_k = ‖Δ_k‖∞
             let size = self.step::<T, M>(local, cluster.length, attempt.done);
@@ -243,7 +240,7 @@ impl Block {
             }
             attempt.size = size;
             self.update_cos_sin::<T, M>(local, size.lt(thresholds.last));
-            self.place(cluster, bodies, local);
+            self.place(local);
             if attempt.done {
                 break;
             }
@@ -262,21 +259,21 @@ impl Block {
     #[inline(always)]
     fn next_inverse<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         attempt: &mut Attempt<T>,
     ) -> T {
         let inverted = self.invert::<T, M>(local);
         attempt.check_branch(&inverted);
         match self.width::<M>() {
-            1 => self.lever_gain(cluster, local),
+            1 => self.lever_gain(local),
             _ => inverted.gain,
         }
     }
 
     /// 1/sin² of a block of one row: its lever against the length of the cluster.
     #[inline(always)]
-    fn lever_gain<T: Real>(&self, cluster: &Cluster<T>, local: &Local<'_, T>) -> T {
+    fn lever_gain<T: Real>(&self, local: &Local<'_, T>) -> T {
+        let cluster = local.cluster;
         self.lever_gain_of(cluster, local.scratch.inverse[self.offset])
     }
 

@@ -19,7 +19,7 @@ use crate::closure::numerical::inverse::{accurate, inverse_square_sines};
 use crate::closure::numerical::newton::{CAUTION, CONTRACTION, TRUST};
 use crate::closure::{Level, Local, MOST, Rate, Scratch, Twist, Universal, Validity};
 use crate::linalg::{column_square, eliminate, substitute_back};
-use crate::mechanism::{Body, Cluster, Dof, Motion, read_turns, turn};
+use crate::mechanism::{Dof, Motion, read_turns, turn};
 use crate::scalar::{Real, Triple, constants};
 use crate::spatial::{Matrix, Pose, zero};
 
@@ -145,71 +145,53 @@ impl<T> Rods<T> {
 impl<T: Real> Rods<T> {
     /// The position, velocity and acceleration level from the unknowns in `local.q`.
     #[inline(never)]
-    pub(crate) fn close(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
+    pub(crate) fn close(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
         match self.unknowns.len() {
-            6 if T::UNROLLED => self.close_for::<6>(cluster, bodies, local, level),
-            2 if T::UNROLLED => self.close_for::<2>(cluster, bodies, local, level),
-            _ => self.close_for::<0>(cluster, bodies, local, level),
+            6 if T::UNROLLED => self.close_for::<6>(local, level),
+            2 if T::UNROLLED => self.close_for::<2>(local, level),
+            _ => self.close_for::<0>(local, level),
         }
     }
 
     /// For M unknowns, or for any number of them.
-    fn close_for<const M: usize>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Validity<T> {
-        self.place_all(cluster, bodies, local);
-        let (mut good, gain) = self.newton::<M>(cluster, bodies, local);
+    fn close_for<const M: usize>(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        self.place_all(local);
+        let (mut good, gain) = self.newton::<M>(local);
         if level > Level::Position {
             good &= level < Level::Acceleration || accurate(T::ONE, gain);
-            self.jacobian::<M>(cluster, local, level);
+            self.jacobian::<M>(local, level);
         }
         if level >= Level::Acceleration {
-            self.bias::<M>(cluster, bodies, local);
+            self.bias::<M>(local);
         }
         if level > Level::Position {
-            self.displace(cluster, local, level);
+            self.displace(local, level);
         }
-        Validity { singular: !good, gain, ..Validity::fine() }
-            .then(self.turn(cluster, local, level))
+        Validity { singular: !good, gain, ..Validity::fine() }.then(self.turn(local, level))
     }
 
     /// The turns of the rods where the unknowns in `local.q` have them, which need not hold the
     /// distances.
-    pub(crate) fn complete(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
-        self.place_all(cluster, bodies, local);
-        self.turn(cluster, local, Level::Position);
+    pub(crate) fn complete(&self, local: &mut Local<'_, T>) {
+        self.place_all(local);
+        self.turn(local, Level::Position);
     }
 
     /// Poses of the bodies between which rods are.
-    fn place_all(&self, cluster: &Cluster<T>, bodies: &[Body<T>], local: &mut Local<'_, T>) {
+    fn place_all(&self, local: &mut Local<'_, T>) {
         turn(&self.given, local.q, local.cos_sin);
         local.scratch.pose[0] = Pose::identity();
-        place_some(&self.before, cluster, bodies, local);
+        place_some(&self.before, local);
         turn(&self.turned, local.q, local.cos_sin);
-        place_some(&self.moving, cluster, bodies, local);
+        place_some(&self.moving, local);
     }
 
     /// The turns of the rods at these poses, and their rates.
     #[inline(always)]
-    fn turn(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+    fn turn(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
         let mut validity = Validity::fine();
         for rod in &self.rods {
-            validity = validity.or(rod.turn(cluster, local, level));
+            validity = validity.or(rod.turn(local, level));
         }
         read_turns(&self.found, local.cos_sin, local.q);
         validity
@@ -223,12 +205,8 @@ impl<T: Real> Rods<T> {
     /// The unknowns, and the poses where these are; whether the steps pass the rule of
     /// [`super::newton`], and 1/sin² of the angle that vanishes at a singular pose.
     #[inline(always)]
-    fn newton<const M: usize>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) -> (bool, T) {
+    fn newton<const M: usize>(&self, local: &mut Local<'_, T>) -> (bool, T) {
+        let cluster = local.cluster;
         let m = self.width::<M>();
         let unit = T::from_f64(1.0 / cluster.length);
         let mut good = true;
@@ -261,7 +239,7 @@ impl<T: Real> Rods<T> {
             } else {
                 turn(&self.turned, local.q, local.cos_sin);
             }
-            place_some(&self.moving, cluster, bodies, local);
+            place_some(&self.moving, local);
         }
         (good & accepts(sizes, gain), gain)
     }
@@ -355,12 +333,8 @@ impl<T: Real> Rods<T> {
 
     /// G of the unknowns, and their rates.
     #[inline(always)]
-    fn jacobian<const M: usize>(
-        &self,
-        cluster: &Cluster<T>,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) {
+    fn jacobian<const M: usize>(&self, local: &mut Local<'_, T>, level: Level) {
+        let cluster = local.cluster;
         let m = self.width::<M>();
         let n = cluster.n_vy;
         let Scratch { pose, screw, A, B, .. } = &mut *local.scratch;
@@ -388,12 +362,8 @@ impl<T: Real> Rods<T> {
 
     /// g of the unknowns.
     #[inline(always)]
-    fn bias<const M: usize>(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) {
+    fn bias<const M: usize>(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
         let m = self.width::<M>();
         let scratch = &mut *local.scratch;
         scratch.rate[0] = Rate::at_rest();
@@ -413,7 +383,8 @@ impl<T: Real> Rods<T> {
 
     /// Twists of the bodies for each independent, then for q̈ = g.
     #[inline(always)]
-    fn displace(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) {
+    fn displace(&self, local: &mut Local<'_, T>, level: Level) {
+        let cluster = local.cluster;
         let n = cluster.n_vy;
         let Scratch { screw, twist, .. } = &mut *local.scratch;
         for &j in self.before.iter().chain(&self.moving) {
@@ -463,12 +434,8 @@ fn accepts<T: Real>(sizes: &[T], gain: T) -> bool {
 
 /// Poses and screws of these joints' bodies.
 #[inline(always)]
-fn place_some<T: Real>(
-    joints: &[usize],
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    local: &mut Local<'_, T>,
-) {
+fn place_some<T: Real>(joints: &[usize], local: &mut Local<'_, T>) {
+    let &mut Local { cluster, bodies, .. } = local;
     for &j in joints {
         place(cluster, bodies, j, local.q, local.cos_sin, &mut local.scratch.pose);
         local.scratch.screw[j] = screw(bodies[j].motion, &local.scratch.pose[j + 1]);
@@ -478,7 +445,8 @@ fn place_some<T: Real>(
 impl<T: Real> Rod<T> {
     /// Cosines, sines and rates of its two turns, at the poses and rates of the other joints.
     #[inline(always)]
-    fn turn(&self, cluster: &Cluster<T>, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+    fn turn(&self, local: &mut Local<'_, T>, level: Level) -> Validity<T> {
+        let cluster = local.cluster;
         let n = cluster.n_vy;
         let at = self.at(&local.scratch.pose);
         let carrier = local.scratch.pose[self.bodies[0]].R;

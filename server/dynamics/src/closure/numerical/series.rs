@@ -141,12 +141,11 @@ impl Block {
     /// [`Block::newton`] of joints in series.
     pub(super) fn newton_in_series<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
         local: &mut Local<'_, T>,
         start: Start<T>,
         end: End,
     ) -> (bool, u32, T) {
+        let &mut Local { cluster, bodies, .. } = local;
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         let dofs: &[Dof] = &self.unknowns[..M];
@@ -225,10 +224,10 @@ impl Block {
     /// [`Block::jacobian`] of joints in series.
     pub(super) fn jacobian_in_series<T: Real, const M: usize>(
         &self,
-        cluster: &Cluster<T>,
         local: &mut Local<'_, T>,
         level: Level,
     ) -> (bool, T) {
+        let cluster = local.cluster;
         let n_vy = cluster.n_vy;
         let on_successor = self.series == Some(true);
         let dofs: &[Dof] = &self.unknowns[..M];
@@ -279,11 +278,8 @@ impl Block {
     }
 
     /// [`Block::bias`] of joints in series.
-    pub(super) fn bias_in_series<T: Real, const M: usize>(
-        &self,
-        cluster: &Cluster<T>,
-        local: &mut Local<'_, T>,
-    ) {
+    pub(super) fn bias_in_series<T: Real, const M: usize>(&self, local: &mut Local<'_, T>) {
+        let cluster = local.cluster;
         let dofs: &[Dof] = &self.unknowns[..M];
         let scratch = &*local.scratch;
         let pose = &scratch.pose;

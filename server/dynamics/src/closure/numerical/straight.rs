@@ -6,24 +6,18 @@ use crate::closure::numerical::Numerical;
 use crate::closure::numerical::inverse::ANY;
 use crate::closure::{Level, Local};
 use crate::linalg::column_square;
-use crate::mechanism::{Body, Cluster};
 use crate::scalar::Real;
 
 impl<T: Real> Numerical<T> {
     /// One step of block b, by the first choice of rows, from the coordinates in `local.q`. Returns
     /// the size of the step, the residual before it, the determinant, and 1/sin²α of
     /// the trust region of [`super::newton`].
-    pub(crate) fn one_step(
-        &self,
-        b: usize,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-    ) -> [T; 4] {
+    pub(crate) fn one_step(&self, b: usize, local: &mut Local<'_, T>) -> [T; 4] {
+        let &mut Local { cluster, bodies, .. } = local;
         let block = &self.choices[0].blocks[b];
         let m = block.unknowns.len();
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
-        let residual = block.evaluate::<T, ANY>(cluster, local, true);
+        let residual = block.evaluate::<T, ANY>(local, true);
         let scratch = &mut *local.scratch;
         if m <= 3 {
             (0..m).for_each(|i| scratch.step[i] = column_square(&scratch.A, m, m, i));
@@ -43,19 +37,14 @@ impl<T: Real> Numerical<T> {
 
     /// G, q̇ and g at the closed pose in `local.q` by the first choice of rows: whether they mean
     /// something, and the gain of their roundings.
-    pub(crate) fn rates_at(
-        &self,
-        cluster: &Cluster<T>,
-        bodies: &[Body<T>],
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> (bool, T) {
+    pub(crate) fn rates_at(&self, local: &mut Local<'_, T>, level: Level) -> (bool, T) {
+        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.choice = 0;
         local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
         if level == Level::Position {
             return (true, T::ONE);
         }
-        let sound = self.rates(cluster, bodies, local, level);
+        let sound = self.rates(local, level);
         (sound, self.gain(local))
     }
 }

@@ -39,14 +39,14 @@ pub(super) fn agrees(
                 goal[cluster.dofs[*v].q] += Dd::from_f64(step * column_unit(cluster, *v));
             }
             state.q.clone_from(zero);
-            numerical.determinants(cluster, bodies, &mut state.local(&mut scratch));
+            numerical.determinants(&mut state.local(cluster, bodies, &mut scratch));
             state.q.clone_from(&goal);
             let moved = distance(cluster, zero, &goal);
-            if numerical.attempt(cluster, bodies, &mut state.local(&mut scratch), moved).is_none() {
+            if numerical.attempt(&mut state.local(cluster, bodies, &mut scratch), moved).is_none() {
                 return false;
             }
             let found = std::mem::replace(&mut state.q, goal);
-            closure.close(cluster, bodies, &mut state.local(&mut scratch), Level::Position);
+            closure.close(&mut state.local(cluster, bodies, &mut scratch), Level::Position);
             cluster.dependent.iter().all(|v| {
                 let i = cluster.dofs[*v].q;
                 let apart = (state.q[i] - found[i]).to_f64().abs() / column_unit(cluster, *v);

@@ -53,9 +53,10 @@ impl Own {
             joints.dedup();
             let carriers = joints.iter().map(|j| cluster.local_parent[*j]);
             let carriers = carriers.filter(|body| *body == 0 || !joints.contains(&(body - 1)));
-            let (first, last) = (carriers.clone().min()?, carriers.max()?);
-            if first == last || is_coupling {
-                return Some(Own { joints, root: first, is_coupling });
+            let last = carriers.clone().max()?;
+            let root = carriers.min()?;
+            if root == last || is_coupling {
+                return Some(Own { joints, root, is_coupling });
             }
             // what carries only some of them moves too
             joints.push(last - 1);

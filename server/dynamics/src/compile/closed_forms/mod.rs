@@ -130,7 +130,7 @@ pub(super) fn recognised(
     Some(Box::new(Formed { form, windings: Vec::new() }))
 }
 
-/// That of a cluster, or of a block, without iterations.
+/// The form of a cluster, or of a block, without iterations.
 fn form_of(of: &Reading<'_>, rounding: f64) -> Option<closure::Form<Dd>> {
     let fits = |deviations: &[Deviation]| size(deviations) <= rounding;
     let named = [rods::read(of), planar::read(of, true)].into_iter();

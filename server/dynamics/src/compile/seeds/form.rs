@@ -75,7 +75,7 @@ impl Table<'_> {
         self.ws.q[at.clone()].copy_from_slice(q);
         self.ws.start[at.clone()].copy_from_slice(q);
         let bodies = model.bodies_of(cluster);
-        let outcome = form.close(cluster, bodies, &mut self.ws.local(cluster), Level::Position);
+        let outcome = form.close(&mut self.ws.local(cluster, bodies), Level::Position);
         let agrees = |v: &usize| {
             let i = cluster.dofs[*v].q;
             let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
