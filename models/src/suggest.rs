@@ -11,7 +11,7 @@ use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_ind
 
 use crate::build;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Options, load_contents, urdf_alone};
 use crate::open::open_contents;
 use crate::report::{Diagnostics, Report};
@@ -61,13 +61,13 @@ impl Files<'_> {
     }
 
     /// The robot with these submechanisms, whose loops may be open.
-    fn opened(&self, drafts: &[Draft]) -> Result<Description, LoadError> {
+    fn opened(&self, drafts: &[Draft]) -> Outcome<Description> {
         let diagnostics = Diagnostics::new(self.options.lenient);
         Ok(open_contents(self.with(drafts, &[]), self.options, diagnostics)?.description)
     }
 
     /// These submechanisms as a file, with the report of `check`.
-    fn suggestion(&self, drafts: &[Draft], idle: &[String]) -> Result<Suggestion, LoadError> {
+    fn suggestion(&self, drafts: &[Draft], idle: &[String]) -> Outcome<Suggestion> {
         let diagnostics = Diagnostics::new(self.options.lenient);
         let report = match load_contents(self.with(drafts, idle), self.options, diagnostics) {
             Ok(loaded) => loaded.report,
@@ -83,7 +83,7 @@ pub(crate) fn suggest_for(
     contents: Contents,
     options: &Options,
     drives_all: bool,
-) -> Result<Suggestion, LoadError> {
+) -> Outcome<Suggestion> {
     let (urdf, robot) = urdf_alone(contents.urdf.clone(), options)?;
     let mut drafts = match &contents.submechanisms {
         Some((name, bytes)) => drafts(name, bytes, &robot)?,
@@ -141,7 +141,7 @@ fn compiles(description: &Description) -> bool {
 }
 
 /// The submechanisms of a file, as far as they can be read.
-fn drafts(name: &str, bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
+fn drafts(name: &str, bytes: &[u8], robot: &Description) -> Outcome<Vec<Draft>> {
     let mut diagnostics = Diagnostics::new(false);
     let root = yaml::read(name, bytes.to_vec(), yaml::SUBMECHANISMS, &mut diagnostics);
     let Some(root) = root.filter(|_| !diagnostics.has_errors()) else {

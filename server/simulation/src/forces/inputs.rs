@@ -7,7 +7,7 @@ use sarrus_dynamics::Model;
 use sarrus_dynamics::scalar::Real;
 
 use crate::coordinates::Coordinates;
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 
 /// The joints that an input acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,11 +72,7 @@ pub(crate) struct OnTree {
 
 impl OnTree {
     /// Checks the numbers of an input against the model.
-    pub(crate) fn new(
-        input: &Input,
-        model: &Model<f64>,
-        tree: &Coordinates,
-    ) -> Result<OnTree, SimulationError> {
+    pub(crate) fn new(input: &Input, model: &Model<f64>, tree: &Coordinates) -> Outcome<OnTree> {
         let names = match input.space {
             Space::Independent => model.independent_names(),
             Space::Actuator => model.active_names(),

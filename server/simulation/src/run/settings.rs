@@ -1,6 +1,6 @@
 //! By which method, how long, how exactly.
 
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 use crate::methods::Stepper;
 use crate::methods::dop853::Dop853;
 use crate::methods::fixed_step::FixedStep;
@@ -124,7 +124,7 @@ impl Settings {
     }
 
     /// Numbers that can be used.
-    pub(crate) fn check(&self) -> Result<(), SimulationError> {
+    pub(crate) fn check(&self) -> Outcome {
         let check = SimulationError::check_setting;
         check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
         let has_effects = self.friction || self.limited || self.stops.is_some();
