@@ -85,5 +85,6 @@ pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, Axes, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout,
     ModelInfo, Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, TaskParts, Warnings,
+    named_enum,
 };
 pub use workspace::Workspace;

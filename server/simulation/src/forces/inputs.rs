@@ -9,22 +9,13 @@ use sarrus_dynamics::scalar::Real;
 use crate::coordinates::Coordinates;
 use crate::error::{Outcome, SimulationError};
 
-/// The joints that an input acts on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Space {
-    /// The declared independents, in the order of ẏ.
-    Independent,
-    /// The actuators, in the order of u̇.
-    Actuator,
-}
-
-impl Space {
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Space::Independent => "y",
-            Space::Actuator => "u",
-        }
+sarrus_dynamics::named_enum! {
+    /// The joints that an input acts on.
+    pub enum Space {
+        /// The declared independents, in the order of ẏ.
+        Independent = "y",
+        /// The actuators, in the order of u̇.
+        Actuator = "u",
     }
 }
 
