@@ -32,6 +32,11 @@ impl Setpoint {
         let position = if position.is_finite() { position } else { 0.0 };
         Setpoint { position, ..Setpoint::default() }
     }
+
+    /// Without stiffness and damping.
+    pub(crate) fn of_motion(position: f64, velocity: f64, torque: f64) -> Setpoint {
+        Setpoint { position, velocity, torque, ..Setpoint::default() }
+    }
 }
 
 sarrus_proto::named_enum! {

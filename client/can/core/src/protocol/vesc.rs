@@ -228,12 +228,8 @@ impl Drive for Vesc {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: 0.02_f64.to_radians(),
-            velocity: TAU / 60.0 / self.pole_pairs,
-            torque: 0.1 * self.constant,
-            ..Setpoint::default()
-        }
+        let velocity = TAU / 60.0 / self.pole_pairs;
+        Setpoint::of_motion(0.02_f64.to_radians(), velocity, 0.1 * self.constant)
     }
 
     fn replies(&self) -> Vec<Reply> {
