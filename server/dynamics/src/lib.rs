@@ -68,7 +68,8 @@ mod workspace;
 
 pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId};
 pub use compile::{
-    SuggestedIndependents, curve_fault, fitting_types, loops_of, suggest_independents, table_fit,
+    CLOSED_FORMS, SuggestedIndependents, curve_fault, fitting_types, joint_orders, loops_of,
+    suggest_independents, table_fit,
 };
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
