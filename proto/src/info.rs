@@ -126,6 +126,12 @@ impl ModelInfo {
         self.links.iter().position(|link| link == name).and_then(|index| u16::try_from(index).ok())
     }
 
+    /// The limits of a coordinate of the tree; `None` without any.
+    pub fn limits_of(&self, name: &str) -> Option<JointLimits> {
+        let row = self.tree.iter().position(|of_tree| of_tree == name)?;
+        self.limits.get(row).copied().flatten()
+    }
+
     /// The joints of the tree, in the order of q̇, each with its places in it and in q. A joint of
     /// one degree of freedom has one name in both; one of several has a name for each part, behind
     /// a stroke (`base/rx`, `base/qx`).
