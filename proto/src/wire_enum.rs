@@ -57,8 +57,8 @@ macro_rules! wire_enum {
     };
 }
 
-/// Declares an enum whose variants have names and no numbers on the wire. It has `ALL`, in this
-/// order, and `name()`.
+/// Declares an enum whose variants have names and no numbers on the wire. It has `ALL` and `NAMES`,
+/// in this order, and `name()`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named_enum {
@@ -72,10 +72,12 @@ macro_rules! named_enum {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         $vis enum $enum { $($(#[$of_variant])* $variant,)* }
 
-        #[allow(dead_code)] // of some only the names are used
+        #[allow(dead_code)] // few enums need all of it
         impl $enum {
             /// All of them.
-            $vis const ALL: [$enum; [$($name),*].len()] = [$($enum::$variant),*];
+            $vis const ALL: [$enum; $enum::NAMES.len()] = [$($enum::$variant),*];
+            /// Their names.
+            $vis const NAMES: [&'static str; [$($name),*].len()] = [$($name),*];
 
             /// The name that people and scripts see.
             $vis const fn name(self) -> &'static str {

@@ -50,11 +50,7 @@ pub(super) const MIT: Protocol = Protocol {
     modes: &[Mode::Impedance, Mode::Torque],
     fd: false,
     keys: &[
-        Key::word(
-            "variant",
-            &["mini_cheetah", "t_motor", "damiao", "robstride"],
-            "whose MIT mode it is",
-        ),
+        Key::word("variant", &Variant::NAMES, "whose MIT mode it is"),
         Key::integer("id", 1, 0x7FE, "identifier of the motor's commands"),
         Key::integer("reply_id", 0, 0x7FE, "identifier of the motor's replies"),
         range("position_range", "position at the end of the range [rad]"),
@@ -71,12 +67,18 @@ const POWER_OFF: u8 = 0xFD;
 const ZERO: u8 = 0xFE;
 const FORGET_FAULT: u8 = 0xFB;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Variant {
-    MiniCheetah,
-    TMotor,
-    Damiao,
-    RobStride,
+sarrus_proto::named_enum! {
+    /// Whose MIT mode a motor has.
+    pub enum Variant {
+        /// The mini cheetah.
+        MiniCheetah = "mini_cheetah",
+        /// T-Motor.
+        TMotor = "t_motor",
+        /// Damiao.
+        Damiao = "damiao",
+        /// RobStride.
+        RobStride = "robstride",
+    }
 }
 
 /// Replies after which a motor that does not report its state counts as having power: earlier ones
@@ -98,12 +100,7 @@ struct Mit {
 }
 
 fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
-    let variant = match settings.text("variant") {
-        "mini_cheetah" => Variant::MiniCheetah,
-        "t_motor" => Variant::TMotor,
-        "damiao" => Variant::Damiao,
-        _ => Variant::RobStride,
-    };
+    let variant = Variant::ALL.into_iter().find(|of| of.name() == settings.text("variant"))?;
     let id = settings.integer("id") as u16;
     let reply_id = settings.integer("reply_id") as u16;
     if id == reply_id {
