@@ -206,7 +206,11 @@ impl Control {
     }
 
     fn of_service(&self, error: ServiceError) -> ConnectError {
-        ConnectError::of_service(&self.name, &self.domain, error)
+        let full = ["ports of the server", "close other clients of this server"];
+        match error {
+            ServiceError::Absent(_) => ConnectError::no_server(&self.name, &self.domain),
+            other => ConnectError::of_service(other, full),
+        }
     }
 
     fn link(&self, number: u64) -> Outcome<Link> {
