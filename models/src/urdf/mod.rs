@@ -24,7 +24,7 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
-pub(crate) use xml::parse;
+pub(crate) use xml::{child, parse};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{DescriptionBuilder, LinkId};
-use crate::compile::pose_of;
+use crate::compile::{pose_of, vector};
 use crate::description::{Inertial, Joint, JointKind, Limits, Link, Placement, Terms};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Matrix, Pose};
@@ -167,11 +167,6 @@ impl<'a> JointBuilder<'a> {
         let x = self.x_root_parent.then(&origin);
         self.robot.x_root_link[self.joint + 1] = x;
     }
-}
-
-/// A vector of doubles.
-pub(super) fn vector(x: [f64; 3]) -> Vector3<Dd> {
-    Vector3::new(Dd::from_f64(x[0]), Dd::from_f64(x[1]), Dd::from_f64(x[2]))
 }
 
 /// A vector rounded once.

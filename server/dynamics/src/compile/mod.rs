@@ -42,7 +42,7 @@ pub(crate) use assemble::Assembly;
 pub use canonical::{fitting_types, joint_orders, loops_of};
 pub(crate) use curves::curve_at;
 pub use curves::{curve_fault, table_fit};
-pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
+pub(crate) use geometry::{link_pose, pose as pose_of, unit_of, vector};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
 
