@@ -129,24 +129,6 @@ impl Mit {
         Frame::classic(Id::Standard(self.id), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, command])
     }
 
-    /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
-        let [p_high, p_low] = position.to_be_bytes();
-        let [v_high, v_low] = (velocity << 4).to_be_bytes();
-        let [k_high, k_low] = stiffness.to_be_bytes();
-        let [d_high, d_low] = (damping << 4).to_be_bytes();
-        let [t_high, t_low] = torque.to_be_bytes();
-        let mut bytes =
-            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
-        match (&mut bytes, self.variant) {
-            ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
-            ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
-            _ => {}
-        }
-        Frame::classic(Id::Standard(self.id), &bytes)
-    }
-
     /// A set-point, special command or request for a register that was sent to this motor.
     fn is_command(&self, frame: &Frame) -> bool {
         let is_request = self.registers.is_some()
@@ -173,7 +155,7 @@ impl Mit {
     }
 
     fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        self.encode(setpoint, out);
         self.coded.alternate();
     }
 
@@ -226,8 +208,22 @@ impl Drive for Mit {
         }
     }
 
+    /// A set-point in its 8 bytes, never those of a special command.
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
+        let [p_high, p_low] = position.to_be_bytes();
+        let [v_high, v_low] = (velocity << 4).to_be_bytes();
+        let [k_high, k_low] = stiffness.to_be_bytes();
+        let [d_high, d_low] = (damping << 4).to_be_bytes();
+        let [t_high, t_low] = torque.to_be_bytes();
+        let mut bytes =
+            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
+        match (&mut bytes, self.variant) {
+            ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
+            ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
+            _ => {}
+        }
+        out.push_some(Frame::classic(Id::Standard(self.id), &bytes));
     }
 
     fn disable(&self, out: &mut FrameQueue) {
