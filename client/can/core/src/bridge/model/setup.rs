@@ -192,9 +192,7 @@ fn coupled(
     let model = &evaluator.model;
     let query =
         Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
-    let mut planned = Planned::new(model, &query).ok()?;
-    planned.give(Field::Y, &zero.y);
-    planned.run(model).ok().ok()?;
+    let planned = Planned::answered(model, &query, &[(Field::Y, &zero.y)])?;
     let n = owners.len();
     let depends = |i: usize, j: usize| planned.output[i * n + j] != 0.0;
     let of = |number: usize| {
