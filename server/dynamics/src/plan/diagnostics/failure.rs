@@ -83,7 +83,7 @@ impl Plan {
             let cluster = &model.clusters[other];
             if other != c {
                 hold_idle(cluster, ws);
-                if ws.close_from(model, other, DEEPEST, is_cold).status == Status::Ok {
+                if ws.close_from(model, other, DEEPEST, is_cold, false).status == Status::Ok {
                     return true;
                 }
                 last_closed(model, other, ws);
@@ -153,8 +153,9 @@ fn answered<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>, is_cold:
         let unit = T::from_f64(column_unit(cluster, dof.v));
         most.larger((nearest[dof.q] - ws.step_y[k]).abs() / unit)
     });
-    let ask =
-        |ws: &mut Workspace<T>| ws.close_from(model, c, DEEPEST, is_cold).status == Status::Ok;
+    let ask = |ws: &mut Workspace<T>| {
+        ws.close_from(model, c, DEEPEST, is_cold, false).status == Status::Ok
+    };
     let is_found = ask(ws)
         || T::ZERO.lt(away)
             && (0..AWAY).any(|k| {
