@@ -4,8 +4,8 @@
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, UNBOUNDED, column_unit, constraint_jacobian, constraint_residual,
-    dependents_range, interpolate, largest_residual,
+    Closure, Level, UNBOUNDED, column_unit, constraint_residual, dependents_range, interpolate,
+    largest_residual,
 };
 use crate::mechanism::{Body, Cluster, Dof};
 use crate::model::Model;
@@ -54,9 +54,7 @@ impl Plan {
         } else {
             last_closed(model, c, ws);
         }
-        residual(cluster, bodies, ws);
-        let q = &ws.q[cluster.coordinates()];
-        constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
+        ws.constraint_jacobian(cluster, bodies);
         if self.wants(Field::SigmaMin) {
             report.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
         }
@@ -112,10 +110,7 @@ impl Plan {
         }
         for &c in &model.closed_clusters[..report.closed] {
             let cluster = &model.clusters[c];
-            let bodies = model.bodies_of(cluster);
-            residual(cluster, bodies, ws);
-            let q = &ws.q[cluster.coordinates()];
-            constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
+            ws.constraint_jacobian(cluster, model.bodies_of(cluster));
             let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
             // NaN counts as greater than any number
             least = if sigma_min < least || !least.is_finite() { sigma_min } else { least };
