@@ -89,22 +89,20 @@ impl<'a> JointBuilder<'a> {
     /// Least and greatest position `[m, rad]`, beyond which answers bear a warning; speed and force
     /// stay without limits unless they are given.
     pub fn limits(mut self, lower: f64, upper: f64) -> JointBuilder<'a> {
-        let limits = Limits { lower, upper, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        let limits = self.mine().limits.get_or_insert(Limits::NONE);
+        (limits.lower, limits.upper) = (lower, upper);
         self
     }
 
     /// Greatest speed `[m/s, rad/s]`.
     pub fn velocity_limit(mut self, velocity: f64) -> JointBuilder<'a> {
-        let limits = Limits { velocity, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        self.mine().limits.get_or_insert(Limits::NONE).velocity = velocity;
         self
     }
 
     /// Greatest force or moment of the actuator `[N, N m]`.
     pub fn effort_limit(mut self, effort: f64) -> JointBuilder<'a> {
-        let limits = Limits { effort, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        self.mine().limits.get_or_insert(Limits::NONE).effort = effort;
         self
     }
 
@@ -154,11 +152,6 @@ impl<'a> JointBuilder<'a> {
 
     fn mine(&mut self) -> &mut Joint {
         &mut self.robot.description.joints[self.joint]
-    }
-
-    /// The limits so far.
-    fn any_limits(&mut self) -> Limits {
-        self.mine().limits.unwrap_or(Limits::NONE)
     }
 
     /// The link's pose follows the joint's origin.
