@@ -6,7 +6,7 @@ use sarrus_dynamics::{AssembleError, closing_placements, rezeroed};
 use crate::assembly_report::{AssemblyReport, NewPlacements};
 use crate::check::CheckReport;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Options, load_contents};
 use crate::open::open_contents;
 use crate::report::Diagnostics;
@@ -24,7 +24,7 @@ pub(crate) fn assemble_contents<E>(
     diagnostics: &Diagnostics,
     near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
     weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
-) -> Result<Result<CheckReport, E>, LoadError> {
+) -> Outcome<Result<CheckReport, E>> {
     let given = |coordinates: &[String], zero: Vec<f64>, velocities: &[String]| {
         let near = near(coordinates, zero)?;
         Ok((near, weights(velocities)?))

@@ -8,7 +8,7 @@ use serde::ser::{SerializeStruct, Serializer};
 use crate::assembly_report::AssemblyReport;
 use crate::closures;
 use crate::dimensions::Dimensions;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::Loaded;
 use crate::report::{Diagnostic, Diagnostics, Report};
 
@@ -180,7 +180,7 @@ impl CheckReport {
     ///
     /// # Errors
     /// Sources that cannot be read at all have no report.
-    pub fn new(loaded: &Result<Loaded, LoadError>) -> Result<CheckReport, LoadError> {
+    pub fn new(loaded: &Outcome<Loaded>) -> Outcome<CheckReport> {
         match loaded {
             Ok(loaded) => Ok(CheckReport::of_model(loaded)),
             Err(LoadError::Faults(report)) => Ok(CheckReport::of_diagnostics(report)),

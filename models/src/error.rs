@@ -2,6 +2,9 @@
 
 use crate::report::Report;
 
+/// Result of reading a robot.
+pub(crate) type Outcome<T = ()> = Result<T, LoadError>;
+
 /// Why a robot cannot be loaded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::assembly::assemble_contents;
 use crate::assembly_report::AssemblyReport;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Loaded, Options, load_contents, urdf_alone};
 use crate::mjcf::{self, Converted};
 use crate::report::{Diagnostics, Report, Span};
@@ -69,7 +69,7 @@ pub fn import(
     expanded: Option<Vec<u8>>,
     include: &[PathBuf],
     options: &Options,
-) -> Result<Imported, LoadError> {
+) -> Outcome<Imported> {
     let (file, bytes) = match expanded {
         Some(bytes) => (format!("{}, expanded", path.display()), bytes),
         None => text::read(path)?,

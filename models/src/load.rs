@@ -10,7 +10,7 @@ use crate::actuators;
 use crate::base::{self, Base};
 use crate::build::{self, Spans};
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::report::{Diagnostics, Report};
 use crate::scene::{self, Lock};
 use crate::submechanisms::{self, Entry, Submechanisms};
@@ -67,7 +67,7 @@ pub(crate) fn load_contents(
     contents: Option<Contents>,
     options: &Options,
     mut diagnostics: Diagnostics,
-) -> Result<Loaded, LoadError> {
+) -> Outcome<Loaded> {
     let mut robot = None;
     let loaded =
         contents.and_then(|contents| read(contents, options, &mut diagnostics, &mut robot));
@@ -78,7 +78,7 @@ pub(crate) fn load_contents(
 pub(crate) fn urdf_alone(
     (name, bytes): (String, Vec<u8>),
     options: &Options,
-) -> Result<(Urdf, Description), LoadError> {
+) -> Outcome<(Urdf, Description)> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let mut text = Text::new(&name, bytes, &mut diagnostics);
     let urdf = text.as_mut().and_then(|text| read_urdf(text, &mut diagnostics));
@@ -104,7 +104,7 @@ impl Loaded {
         loaded: Option<(Description, Spans, Compiled)>,
         robot: Option<String>,
         diagnostics: Diagnostics,
-    ) -> Result<Loaded, LoadError> {
+    ) -> Outcome<Loaded> {
         let files = diagnostics.files.clone();
         let report = Report { robot, ..diagnostics.into_report() };
         match loaded {

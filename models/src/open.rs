@@ -5,7 +5,7 @@ use sarrus_dynamics::description::Description;
 
 use crate::build::Spans;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Loaded, Options, compile, describe};
 use crate::report::{Diagnostics, Report};
 
@@ -26,7 +26,7 @@ pub(crate) fn open_contents(
     contents: Option<Contents>,
     options: &Options,
     mut diagnostics: Diagnostics,
-) -> Result<Opened, LoadError> {
+) -> Outcome<Opened> {
     let mut robot = None;
     let described =
         contents.and_then(|contents| describe(contents, options, &mut diagnostics, &mut robot));
@@ -47,7 +47,7 @@ impl Opened {
     ///
     /// # Errors
     /// [`LoadError::Faults`].
-    pub(crate) fn compile(&self, description: Description) -> Result<Loaded, LoadError> {
+    pub(crate) fn compile(&self, description: Description) -> Outcome<Loaded> {
         let mut diagnostics = self.diagnostics.clone();
         let compiled = compile(&description, &self.spans, &mut diagnostics);
         let loaded = compiled.map(|compiled| (description, self.spans.clone(), compiled));

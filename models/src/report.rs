@@ -101,7 +101,7 @@ impl fmt::Display for Report {
 }
 
 /// A position in one of the files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
     pub(crate) file: u32,
     pub(crate) line: u32,

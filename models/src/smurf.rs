@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::Outcome;
 use crate::report::Diagnostics;
 use crate::text;
 use crate::yaml::{self, Node};
@@ -19,7 +19,7 @@ pub(crate) fn contents(
     path: &Path,
     submechanisms: Option<&Path>,
     diagnostics: &mut Diagnostics,
-) -> Result<Option<Contents>, LoadError> {
+) -> Outcome<Option<Contents>> {
     let (name, bytes) = text::read(path)?;
     let Some(root) = yaml::read(&name, bytes, yaml::SUBMECHANISMS, diagnostics) else {
         return Ok(None);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::assembly::assemble_contents;
 use crate::check::CheckReport;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Loaded, Options, load_contents};
 use crate::names::nearest;
 use crate::report::Diagnostics;
@@ -38,7 +38,7 @@ pub enum Source {
 }
 
 /// The contents of a bundled robot.
-fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
+fn bundled_contents(name: &str) -> Outcome<Contents> {
     let Some((urdf, submechanisms)) = bundled::bundled_text(name) else {
         let names = || bundled::bundled().map(|(name, _)| name);
         let near = nearest(name, names()).map(str::to_owned);
@@ -61,7 +61,7 @@ fn bundled_contents(name: &str) -> Result<Contents, LoadError> {
 /// # Errors
 /// [`LoadError::Faults`] holds every fault of the files' content, not only the first; the other
 /// variants are for sources that cannot be read at all.
-pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
+pub fn load(source: &Source, options: &Options) -> Outcome<Loaded> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     let contents = contents(source, &mut diagnostics)?;
     load_contents(contents, options, diagnostics)
@@ -71,7 +71,7 @@ pub fn load(source: &Source, options: &Options) -> Result<Loaded, LoadError> {
 ///
 /// # Errors
 /// Sources that cannot be read; faults of the URDF or the loops that prevent a proposal.
-pub fn suggest(source: &Source, options: &Options) -> Result<Suggestion, LoadError> {
+pub fn suggest(source: &Source, options: &Options) -> Outcome<Suggestion> {
     suggest_for(whole(source, options.lenient)?, options, false)
 }
 
@@ -89,7 +89,7 @@ pub fn assemble<E>(
     options: &Options,
     near: impl FnOnce(&[String], Vec<f64>) -> Result<Vec<f64>, E>,
     weights: impl FnOnce(&[String]) -> Result<Vec<f64>, E>,
-) -> Result<Result<CheckReport, E>, LoadError> {
+) -> Outcome<Result<CheckReport, E>> {
     let mut diagnostics = Diagnostics::new(options.lenient);
     match contents(source, &mut diagnostics)? {
         Some(contents) => assemble_contents(&contents, options, &diagnostics, near, weights),
@@ -105,11 +105,7 @@ impl NewZero {
     /// # Errors
     /// Sources that cannot be read. The inner error names the part that cannot be written by
     /// position.
-    pub fn write(
-        &self,
-        source: &Source,
-        options: &Options,
-    ) -> Result<Result<Rewritten, String>, LoadError> {
+    pub fn write(&self, source: &Source, options: &Options) -> Outcome<Result<Rewritten, String>> {
         // a conversion that drops parts is refused where the robot is loaded
         Ok(self.write_contents(&whole(source, true)?, options))
     }
@@ -120,14 +116,14 @@ impl NewZero {
 ///
 /// # Errors
 /// As [`load`], for sources and SMURF files that cannot be read; the texts are not checked.
-pub fn texts(source: &Source) -> Result<(Vec<u8>, Option<Vec<u8>>), LoadError> {
+pub fn texts(source: &Source) -> Outcome<(Vec<u8>, Option<Vec<u8>>)> {
     // a conversion that drops parts is refused where the robot is loaded
     let Contents { urdf: (_, urdf), submechanisms, .. } = whole(source, true)?;
     Ok((urdf, submechanisms.map(|(_, bytes)| bytes)))
 }
 
 /// The contents of a source that is converted without an error.
-fn whole(source: &Source, lenient: bool) -> Result<Contents, LoadError> {
+fn whole(source: &Source, lenient: bool) -> Outcome<Contents> {
     let mut diagnostics = Diagnostics::new(lenient);
     let contents = contents(source, &mut diagnostics)?;
     contents.ok_or_else(|| LoadError::Faults(diagnostics.into_report()))
@@ -136,7 +132,7 @@ fn whole(source: &Source, lenient: bool) -> Result<Contents, LoadError> {
 pub(crate) fn contents(
     source: &Source,
     diagnostics: &mut Diagnostics,
-) -> Result<Option<Contents>, LoadError> {
+) -> Outcome<Option<Contents>> {
     let (path, urdf, submechanisms) = match source {
         Source::Bundled(name) => return bundled_contents(name).map(Some),
         Source::Files { urdf, submechanisms } if smurf::is_smurf(urdf) => {

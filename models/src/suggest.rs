@@ -7,11 +7,13 @@
 use std::collections::BTreeSet;
 
 use sarrus_dynamics::description::{Description, Joint, JointKind, Submechanism, SubmechanismKind};
-use sarrus_dynamics::{ClosureKind, Diagnostic, Model, fitting_types, suggest_independents};
+use sarrus_dynamics::{
+    CLOSED_FORMS, ClosureKind, Diagnostic, Model, fitting_types, joint_orders, suggest_independents,
+};
 
 use crate::build;
 use crate::contents::Contents;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::{Options, load_contents, urdf_alone};
 use crate::open::open_contents;
 use crate::report::{Diagnostics, Report};
@@ -61,13 +63,13 @@ impl Files<'_> {
     }
 
     /// The robot with these submechanisms, whose loops may be open.
-    fn opened(&self, drafts: &[Draft]) -> Result<Description, LoadError> {
+    fn opened(&self, drafts: &[Draft]) -> Outcome<Description> {
         let diagnostics = Diagnostics::new(self.options.lenient);
         Ok(open_contents(self.with(drafts, &[]), self.options, diagnostics)?.description)
     }
 
     /// These submechanisms as a file, with the report of `check`.
-    fn suggestion(&self, drafts: &[Draft], idle: &[String]) -> Result<Suggestion, LoadError> {
+    fn suggestion(&self, drafts: &[Draft], idle: &[String]) -> Outcome<Suggestion> {
         let diagnostics = Diagnostics::new(self.options.lenient);
         let report = match load_contents(self.with(drafts, idle), self.options, diagnostics) {
             Ok(loaded) => loaded.report,
@@ -83,7 +85,7 @@ pub(crate) fn suggest_for(
     contents: Contents,
     options: &Options,
     drives_all: bool,
-) -> Result<Suggestion, LoadError> {
+) -> Outcome<Suggestion> {
     let (urdf, robot) = urdf_alone(contents.urdf.clone(), options)?;
     let mut drafts = match &contents.submechanisms {
         Some((name, bytes)) => drafts(name, bytes, &robot)?,
@@ -141,7 +143,7 @@ fn compiles(description: &Description) -> bool {
 }
 
 /// The submechanisms of a file, as far as they can be read.
-fn drafts(name: &str, bytes: &[u8], robot: &Description) -> Result<Vec<Draft>, LoadError> {
+fn drafts(name: &str, bytes: &[u8], robot: &Description) -> Outcome<Vec<Draft>> {
     let mut diagnostics = Diagnostics::new(false);
     let root = yaml::read(name, bytes.to_vec(), yaml::SUBMECHANISMS, &mut diagnostics);
     let Some(root) = root.filter(|_| !diagnostics.has_errors()) else {
@@ -375,17 +377,8 @@ fn fitting(drafts: &[Draft], k: usize, files: &Files<'_>) -> Option<(String, Vec
     }
     let joints = &given.submechanisms[s].spanning_tree;
     let dofs: usize = joints.iter().map(|j| freedoms(Some(given.joints[*j].kind))).sum();
-    let orders: Vec<Vec<usize>> = match joints[..] {
-        [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
-            .map(|order| order.to_vec())
-            .to_vec(),
-        _ => vec![joints.clone()],
-    };
-    use SubmechanismKind::{
-        FourBar, ParallelogramChain, Rrpr, SliderCrank, Sprr2U1, Spu2U1, Surrpr2U1, Ups6,
-    };
-    let closed = [Rrpr, SliderCrank, FourBar, Spu2U1, Sprr2U1, Surrpr2U1, Ups6, ParallelogramChain];
-    for kind in closed {
+    let orders = joint_orders(joints);
+    for (name, kind) in CLOSED_FORMS {
         let known = KNOWN.iter().find(|known| known.kind == kind)?;
         if !known.tree.is_empty() && !known.tree.contains(&dofs) {
             continue;
@@ -393,7 +386,7 @@ fn fitting(drafts: &[Draft], k: usize, files: &Files<'_>) -> Option<(String, Vec
         for order in &orders {
             let mut trial = given.clone();
             let of = &mut trial.submechanisms[s];
-            (of.kind, of.type_name) = (kind, known.name.to_owned());
+            (of.kind, of.type_name) = (kind, name.to_owned());
             of.spanning_tree.clone_from(order);
             let is_closed = Model::compile(&trial).is_ok_and(|compiled| {
                 let is_other = |of: &Diagnostic| of.found.contains("its geometry is that of");
@@ -402,7 +395,7 @@ fn fitting(drafts: &[Draft], k: usize, files: &Files<'_>) -> Option<(String, Vec
             });
             if is_closed {
                 let tree = order.iter().map(|j| given.joints[*j].name.clone()).collect();
-                return Some((known.name.to_owned(), tree));
+                return Some((name.to_owned(), tree));
             }
         }
     }

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::report::{Diagnostics, Span};
 
 /// Largest file that is read `[byte]`.
@@ -111,7 +111,7 @@ impl Text {
 }
 
 /// A file's name for messages and its bytes, at most one more than [`LARGEST`].
-pub(crate) fn read(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
+pub(crate) fn read(path: &Path) -> Outcome<(String, Vec<u8>)> {
     let name = path.display().to_string();
     let unreadable = |error: std::io::Error| LoadError::Open(name.clone(), error.to_string());
     let file = File::open(path).map_err(unreadable)?;
@@ -122,7 +122,7 @@ pub(crate) fn read(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
 
 /// As [`read`], of a file that another file names: it must be an ordinary one, because reading a
 /// device or a pipe may block.
-pub(crate) fn read_named(path: &Path) -> Result<(String, Vec<u8>), LoadError> {
+pub(crate) fn read_named(path: &Path) -> Outcome<(String, Vec<u8>)> {
     match path.metadata() {
         Ok(metadata) if !metadata.is_file() => {
             Err(LoadError::Open(path.display().to_string(), "it is no ordinary file".to_owned()))

@@ -6,6 +6,7 @@ use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use crate::Sizes;
+use crate::wire_enum::named_enum;
 
 /// Names, orders, sizes and limits of a compiled robot. Travels as JSON.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,26 +106,17 @@ pub struct ClosureInfo {
     pub misfit: f64,
 }
 
-/// How loops are closed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "transport", derive(Serialize, Deserialize), serde(rename_all = "lowercase"))]
-pub enum ClosureKind {
-    /// By a closed form.
-    Analytic,
-    /// By Newton's method.
-    Numerical,
-    /// No loops.
-    Serial,
-}
-
-impl ClosureKind {
-    /// The name in scripts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            ClosureKind::Analytic => "analytic",
-            ClosureKind::Numerical => "numerical",
-            ClosureKind::Serial => "serial",
-        }
+named_enum! {
+    /// How loops are closed.
+    #[cfg_attr(feature = "transport", derive(Serialize, Deserialize))]
+    #[cfg_attr(feature = "transport", serde(rename_all = "lowercase"))]
+    pub enum ClosureKind {
+        /// By a closed form.
+        Analytic = "analytic",
+        /// By Newton's method.
+        Numerical = "numerical",
+        /// No loops.
+        Serial = "serial",
     }
 }
 
@@ -132,6 +124,12 @@ impl ModelInfo {
     /// The number of a link.
     pub fn link(&self, name: &str) -> Option<u16> {
         self.links.iter().position(|link| link == name).and_then(|index| u16::try_from(index).ok())
+    }
+
+    /// The limits of a coordinate of the tree; `None` without any.
+    pub fn limits_of(&self, name: &str) -> Option<JointLimits> {
+        let row = self.tree.iter().position(|of_tree| of_tree == name)?;
+        self.limits.get(row).copied().flatten()
     }
 
     /// The joints of the tree, in the order of q̇, each with its places in it and in q. A joint of

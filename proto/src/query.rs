@@ -3,6 +3,7 @@ use core::fmt;
 use crate::request::{OF_ACTUATOR_FORCES, Request, TaskParts};
 use crate::wire_enum::wire_enum;
 use crate::{Field, FieldSet, MOST_VERTEX_COORDINATES, ModelInfo, Rows};
+use QueryError::{BadTask, Missing};
 
 /// Most frames of one plan.
 pub const MAX_FRAMES: usize = 32;
@@ -16,6 +17,8 @@ pub const MAX_JOINT_RUNS: usize = 31;
 pub const MAX_CONTACTS: usize = 4;
 /// The version of this package, for messages about unknown numbers.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// The need for forces, in words.
+const FORCES: &str = "the forces: give tau_u, tau_y or tau_q";
 /// Words of a query that have no meaning yet.
 const RESERVED: usize = 10;
 
@@ -390,13 +393,9 @@ impl Query {
     }
 
     fn check_options(&self) -> Result<(), QueryError> {
-        if !self.given.is_known() || !self.want.is_known() {
-            return Err(QueryError::UnknownField);
-        }
+        need(self.given.is_known() && self.want.is_known(), QueryError::UnknownField)?;
         let is_known = self.options.is_known() && Axes::from_code(self.axes).is_some();
-        if !is_known || self.reserved != [0; RESERVED] {
-            return Err(QueryError::UnknownOption);
-        }
+        need(is_known && self.reserved == [0; RESERVED], QueryError::UnknownOption)?;
         for tolerance in [self.loop_tolerance, self.projection_tolerance] {
             if tolerance.bound().is_nan() || tolerance.bound() < 0.0 {
                 return Err(QueryError::BadTolerance);
@@ -406,12 +405,8 @@ impl Query {
     }
 
     fn check_links(&self, model: &ModelInfo) -> Result<(), QueryError> {
-        if self.n_frames as usize > MAX_FRAMES {
-            return Err(QueryError::TooMany { what: "frames", limit: MAX_FRAMES });
-        }
-        if self.n_wrenches as usize > MAX_WRENCHES {
-            return Err(QueryError::TooMany { what: "wrenches", limit: MAX_WRENCHES });
-        }
+        at_most(self.n_frames.into(), MAX_FRAMES, "frames")?;
+        at_most(self.n_wrenches.into(), MAX_WRENCHES, "wrenches")?;
         if let Some(link) = self.reference().filter(|link| *link >= model.links.len()) {
             return Err(QueryError::UnknownLink(u16::try_from(link).unwrap_or(u16::MAX)));
         }
@@ -423,9 +418,7 @@ impl Query {
     }
 
     fn check_joints(&self, model: &ModelInfo) -> Result<(), QueryError> {
-        if self.n_joint_runs as usize > MAX_JOINT_RUNS {
-            return Err(QueryError::TooMany { what: "runs of joints", limit: MAX_JOINT_RUNS });
-        }
+        at_most(self.n_joint_runs.into(), MAX_JOINT_RUNS, "runs of joints")?;
         let mut end = None;
         for [first, behind] in self.joint_runs() {
             if first >= behind
@@ -453,53 +446,39 @@ impl Query {
             }
         }
         if request == Request::InverseKinematics {
-            return match self.given.has_any(&[TaskTarget, ComTarget]) {
-                true => Ok(()),
-                false => Err(QueryError::Missing("what to reach: give tasks or com")),
-            };
+            let is_asked = self.given.has_any(&[TaskTarget, ComTarget]);
+            return need(is_asked, Missing("what to reach: give tasks or com"));
         }
-        if !self.given.has_any(&[Y, Q, U]) {
-            return Err(QueryError::Missing("where the robot is: give y, q or u"));
-        }
-        if request.has_tasks() && !self.given.has(Dt) {
-            return Err(QueryError::Missing("the time of a step: give dt"));
-        }
-        let needs_forces = matches!(request, Request::ForwardDynamics | Request::Observe);
-        if needs_forces && !self.given.has_any(&[TauQ, TauY, TauU]) {
-            return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
-        }
-        if request == Request::Observe && !self.given.has_any(&[Yd, Qd, Ud]) {
-            return Err(QueryError::Missing("how the robot moves: give yd, qd or ud"));
-        }
-        if request == Request::Observe && !(self.given.has(Dt) && self.given.has(Gain)) {
-            return Err(QueryError::Missing("the time step and the bandwidth: give dt and gain"));
-        }
-        Ok(())
+        let has_position = self.given.has_any(&[Y, Q, U]);
+        need(has_position, Missing("where the robot is: give y, q or u"))?;
+        let has_time = self.given.has(Dt);
+        need(has_time || !request.has_tasks(), Missing("the time of a step: give dt"))?;
+        let is_observed = request == Request::Observe;
+        let has_forces = self.given.has_any(&[TauQ, TauY, TauU]);
+        let needs_forces = is_observed || request == Request::ForwardDynamics;
+        need(has_forces || !needs_forces, Missing(FORCES))?;
+        let moves = self.given.has_any(&[Yd, Qd, Ud]);
+        need(moves || !is_observed, Missing("how the robot moves: give yd, qd or ud"))?;
+        let is_timed = has_time && self.given.has(Gain);
+        let words = "the time step and the bandwidth: give dt and gain";
+        need(is_timed || !is_observed, Missing(words))
     }
 
     fn check_tasks(&self, request: Request) -> Result<(), QueryError> {
         let is_reached = request.has_tasks();
         let n = if is_reached { self.n_frames as usize } else { 0 };
         let (asked, others) = self.tasks.split_at(n.min(MAX_FRAMES));
-        if !asked.iter().all(|parts| parts.is_task(request))
-            || others.iter().any(|parts| parts.0 != 0)
-        {
-            return Err(QueryError::BadTask("a task asks for nothing, or for something unknown"));
-        }
+        let is_task = asked.iter().all(|parts| parts.is_task(request))
+            && others.iter().all(|parts| parts.0 == 0);
+        need(is_task, BadTask("a task asks for nothing, or for something unknown"))?;
         let is_held = |parts: &&TaskParts| parts.contains(TaskParts::HELD);
-        if asked.iter().filter(is_held).count() > MAX_CONTACTS {
-            return Err(QueryError::TooMany { what: "contacts", limit: MAX_CONTACTS });
-        }
-        if is_reached && self.given.has(request.of_tasks()) != (n > 0) {
-            return Err(QueryError::BadTask("tasks and frames are not the same in number"));
-        }
-        if request == Request::Step && self.relative_to != 0 {
-            return Err(QueryError::BadTask("forces of contacts are in root axes"));
-        }
-        if is_reached && self.axes != Axes::Mixed as u32 {
-            return Err(QueryError::BadTask("targets are in root axes, or in those of a link"));
-        }
-        Ok(())
+        at_most(asked.iter().filter(is_held).count() as u64, MAX_CONTACTS, "contacts")?;
+        let is_paired = !is_reached || self.given.has(request.of_tasks()) == (n > 0);
+        need(is_paired, BadTask("tasks and frames are not the same in number"))?;
+        let is_of_root = request != Request::Step || self.relative_to == 0;
+        need(is_of_root, BadTask("forces of contacts are in root axes"))?;
+        let is_mixed = !is_reached || self.axes == Axes::Mixed as u32;
+        need(is_mixed, BadTask("targets are in root axes, or in those of a link"))
     }
 
     fn check_want(&self, request: Request) -> Result<(), QueryError> {
@@ -509,14 +488,9 @@ impl Query {
             return Err(QueryError::NotAnOutput(field));
         }
         let forces_given = self.given.has_any(&[TauQ, TauY, TauU]);
-        if request == Request::Map
-            && !forces_given
-            && (self.want.has_any(&[TauY, TauU, TauUnactuated])
-                || self.want.has_any(&OF_ACTUATOR_FORCES))
-        {
-            return Err(QueryError::Missing("the forces: give tau_u, tau_y or tau_q"));
-        }
-        Ok(())
+        let wants_forces = self.want.has_any(&[TauY, TauU, TauUnactuated])
+            || self.want.has_any(&OF_ACTUATOR_FORCES);
+        need(forces_given || request != Request::Map || !wants_forces, Missing(FORCES))
     }
 
     /// Second derivatives go along a direction of y, ẏ and τ_u.
@@ -524,34 +498,35 @@ impl Query {
         use Field::*;
         let of_ydd = self.want.has(D2YddV);
         if of_ydd || self.want.has(D2TauYV) {
-            if !self.given.has(Direction) {
-                return Err(QueryError::Missing("along what: give direction"));
-            }
-            if self.given.has_any(&[Q, U, Qd, Ud, Qdd, Udd]) || of_ydd && !self.given.has(TauU) {
-                return Err(QueryError::Missing("y, yd, ydd, tau_u: a direction goes along them"));
-            }
+            need(self.given.has(Direction), Missing("along what: give direction"))?;
+            let is_along =
+                !self.given.has_any(&[Q, U, Qd, Ud, Qdd, Udd]) && (self.given.has(TauU) || !of_ydd);
+            need(is_along, Missing("y, yd, ydd, tau_u: a direction goes along them"))?;
         }
         Ok(())
     }
 
     fn check_motors(&self, model: &ModelInfo) -> Result<(), QueryError> {
         use Field::*;
-        if self.n_directions > MAX_DIRECTIONS as u64 {
-            return Err(QueryError::TooMany { what: "directions", limit: MAX_DIRECTIONS });
-        }
+        at_most(self.n_directions, MAX_DIRECTIONS, "directions")?;
         let has_directions = self.n_directions > 0;
         let reads_directions = self.want.has_any(&[TorqueSupport, TorqueSupportNet]);
-        if has_directions != self.given.has(Directions) || reads_directions && !has_directions {
-            return Err(QueryError::Missing("along what: give directions"));
-        }
-        if self.want.has(GainsY) && !self.given.has(GainsU) {
-            return Err(QueryError::Missing("the gains: give gains_u"));
-        }
+        let is_directed = has_directions == self.given.has(Directions);
+        let is_along = is_directed && (has_directions || !reads_directions);
+        need(is_along, Missing("along what: give directions"))?;
+        let has_gains = self.given.has(GainsU) || !self.want.has(GainsY);
+        need(has_gains, Missing("the gains: give gains_u"))?;
         let mut sets = self.want.iter().filter(|field| field.has_vertex_rows());
-        if sets.next().is_some() && Rows::of(self, model).vy.len() > MOST_VERTEX_COORDINATES {
-            let what = "coordinates of vertices; pick joints";
-            return Err(QueryError::TooMany { what, limit: MOST_VERTEX_COORDINATES });
-        }
-        Ok(())
+        let n = if sets.next().is_some() { Rows::of(self, model).vy.len() } else { 0 };
+        at_most(n as u64, MOST_VERTEX_COORDINATES, "coordinates of vertices; pick joints")
     }
+}
+
+/// The fault of a query that does not meet a condition.
+fn need(is_met: bool, fault: QueryError) -> Result<(), QueryError> {
+    if is_met { Ok(()) } else { Err(fault) }
+}
+
+fn at_most(found: u64, limit: usize, what: &'static str) -> Result<(), QueryError> {
+    need(found <= limit as u64, QueryError::TooMany { what, limit })
 }

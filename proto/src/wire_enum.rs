@@ -1,4 +1,5 @@
-//! Numbers on the wire and the names that people see: one macro for every enum that travels.
+//! Numbers on the wire and the names that people see: one macro for every enum that travels, one
+//! for enums with names alone.
 
 /// Declares an enum that travels: each line is the documentation, the variant, its number and its
 /// name. The numbers are for ever: a variant that goes leaves its number unused.
@@ -56,7 +57,37 @@ macro_rules! wire_enum {
     };
 }
 
-pub(crate) use wire_enum;
+/// Declares an enum whose variants have names and no numbers on the wire. It has `ALL` and `NAMES`,
+/// in this order, and `name()`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! named_enum {
+    (
+        $(#[$of_enum:meta])*
+        $vis:vis enum $enum:ident {
+            $($(#[$of_variant:meta])* $variant:ident = $name:literal,)*
+        }
+    ) => {
+        $(#[$of_enum])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        $vis enum $enum { $($(#[$of_variant])* $variant,)* }
+
+        #[allow(dead_code)] // few enums need all of it
+        impl $enum {
+            /// All of them.
+            $vis const ALL: [$enum; $enum::NAMES.len()] = [$($enum::$variant),*];
+            /// Their names.
+            $vis const NAMES: [&'static str; [$($name),*].len()] = [$($name),*];
+
+            /// The name that people and scripts see.
+            $vis const fn name(self) -> &'static str {
+                match self { $($enum::$variant => $name,)* }
+            }
+        }
+    };
+}
+
+pub(crate) use {named_enum, wire_enum};
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sarrus_can_core::config::{Configuration, MotorConfig};
-use sarrus_can_core::drive::{DriveCommand, DriveState, Measurement, Power, Receipt, Watchdog};
+use sarrus_can_core::drive::{DriveCommand, DriveState, Measurement, Receipt, Watchdog};
 use sarrus_can_core::frame::FrameQueue;
 use sarrus_can_core::mapping::ActuatorSetpoint;
 use sarrus_proto::actuators::Reason;
@@ -136,13 +136,7 @@ impl PyDrives {
         let DriveState { power, fault, watchdog } =
             self.motor(motor, |motor| motor.drive.state())?;
         let state = PyDict::new(py);
-        let power = match power {
-            Power::Unknown => "unknown",
-            Power::Off => "off",
-            Power::Starting => "starting",
-            Power::On => "on",
-        };
-        state.set_item("power", power)?;
+        state.set_item("power", power.name())?;
         state.set_item("fault", fault)?;
         match watchdog {
             Watchdog::Unknown => state.set_item("watchdog", "unknown")?,

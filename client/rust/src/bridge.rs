@@ -113,16 +113,10 @@ fn operate(end: Option<&ObserverEnd>, operation: Operation, actuator: Option<usi
 }
 
 fn refused(name: &str, error: ServiceError) -> ConnectError {
+    let full = ["places at the bridge", "end the other controller or observers"];
     match error {
         ServiceError::NoBridge(_) => ConnectError::NoBridge(name.to_owned()),
-        ServiceError::OtherVersion(..) => ConnectError::WrongVersion(0),
-        ServiceError::Full(_, limit) => ConnectError::NoFreeSlot {
-            transport: "places at the bridge",
-            limit,
-            holder: None,
-            help: "end the other controller or observers",
-        },
-        other => ConnectError::Service(other),
+        other => ConnectError::of_service(other, full),
     }
 }
 

@@ -20,7 +20,7 @@ use sarrus_proto::{Domain, ModelInfo, Node, PROTOCOL_VERSION, ServerName, superv
 
 use crate::interrupt::{self, exchange};
 use crate::life::Life;
-use crate::{ConnectError, Error, Prepared};
+use crate::{ConnectError, Error, Outcome, Prepared};
 
 /// Delay between two attempts to reach a busy server, at first and after some attempts.
 const RETRY: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(5)];
@@ -57,7 +57,7 @@ impl Control {
         name: &ServerName,
         fingerprint: Option<u64>,
         deadline: Instant,
-    ) -> Result<Control, ConnectError> {
+    ) -> Outcome<Control> {
         let start = Instant::now();
         let head = CallHead { version: PROTOCOL_VERSION, nonce: 1 };
         let request =
@@ -107,7 +107,7 @@ impl Control {
     }
 
     /// The model information.
-    pub(crate) fn model(&self, deadline: Instant) -> Result<ModelInfo, ConnectError> {
+    pub(crate) fn model(&self, deadline: Instant) -> Outcome<ModelInfo> {
         let mut json = String::new();
         for page in 0..self.pages {
             match self.granted(Call::Model { page }, deadline)? {
@@ -148,7 +148,7 @@ impl Control {
     }
 
     /// Releases a plan by the server's number of it.
-    pub(crate) fn release(&self, number: u32, deadline: Instant) -> Result<(), ConnectError> {
+    pub(crate) fn release(&self, number: u32, deadline: Instant) -> Outcome {
         let plan = sarrus_proto::message::PlanNumber(number);
         self.granted(Call::Release { plan }, deadline).map(|_| ())
     }
@@ -160,7 +160,7 @@ impl Control {
     }
 
     /// The server's counters.
-    pub(crate) fn statistics(&self, deadline: Instant) -> Result<Statistics, ConnectError> {
+    pub(crate) fn statistics(&self, deadline: Instant) -> Outcome<Statistics> {
         match self.granted(Call::Statistics, deadline)? {
             Grant::Statistics(statistics) => Ok(*statistics),
             _ => Err(ConnectError::BadAnswer("about its counts")),
@@ -172,7 +172,7 @@ impl Control {
         &self,
         [n_in, n_out]: [usize; 2],
         deadline: Instant,
-    ) -> Result<(Node, ClaimedLane, [usize; 2]), ConnectError> {
+    ) -> Outcome<(Node, ClaimedLane, [usize; 2])> {
         let Grant::Lane { link, class_in, class_out } =
             self.granted(Call::Lane { n_in, n_out }, deadline)?
         else {
@@ -185,10 +185,7 @@ impl Control {
     }
 
     /// A service for this client.
-    pub(crate) fn service(
-        &self,
-        deadline: Instant,
-    ) -> Result<(Node, Box<dyn OpenedService>), ConnectError> {
+    pub(crate) fn service(&self, deadline: Instant) -> Outcome<(Node, Box<dyn OpenedService>)> {
         let Grant::Service { link } = self.granted(Call::Service, deadline)? else {
             return Err(ConnectError::BadAnswer("for a service"));
         };
@@ -199,7 +196,7 @@ impl Control {
     }
 
     /// An area for batches in addition to the lane or the service.
-    pub(crate) fn batch(&self, deadline: Instant) -> Result<ClaimedBatch, ConnectError> {
+    pub(crate) fn batch(&self, deadline: Instant) -> Outcome<ClaimedBatch> {
         let (response, descriptor) = self.exchange(Call::Batch, deadline)?;
         let granted = granted(&response, self.fingerprint)?;
         let bad = || ConnectError::BadAnswer("for batches");
@@ -209,19 +206,23 @@ impl Control {
     }
 
     fn of_service(&self, error: ServiceError) -> ConnectError {
-        ConnectError::of_service(&self.name, &self.domain, error)
+        let full = ["ports of the server", "close other clients of this server"];
+        match error {
+            ServiceError::Absent(_) => ConnectError::no_server(&self.name, &self.domain),
+            other => ConnectError::of_service(other, full),
+        }
     }
 
-    fn link(&self, number: u64) -> Result<Link, ConnectError> {
+    fn link(&self, number: u64) -> Outcome<Link> {
         Ok(Link::new(&self.domain, self.instance, number)?)
     }
 
-    fn granted(&self, call: Call, deadline: Instant) -> Result<Grant, ConnectError> {
+    fn granted(&self, call: Call, deadline: Instant) -> Outcome<Grant> {
         let response = self.call(call, deadline)?;
         granted(&response, self.fingerprint).cloned()
     }
 
-    fn call(&self, call: Call, deadline: Instant) -> Result<ControlResponse, ConnectError> {
+    fn call(&self, call: Call, deadline: Instant) -> Outcome<ControlResponse> {
         Ok(self.exchange(call, deadline)?.0)
     }
 
@@ -229,7 +230,7 @@ impl Control {
         &self,
         call: Call,
         deadline: Instant,
-    ) -> Result<(ControlResponse, Option<OwnedFd>), ConnectError> {
+    ) -> Outcome<(ControlResponse, Option<OwnedFd>)> {
         let start = Instant::now();
         let head = CallHead { version: PROTOCOL_VERSION, nonce: self.nonce.fetch_add(1, Relaxed) };
         let request = ControlRequest { head, fingerprint: self.fingerprint, call };
@@ -250,11 +251,7 @@ impl Control {
 }
 
 /// A connection to the server of a name.
-fn connect(
-    domain: &Domain,
-    name: &ServerName,
-    deadline: Instant,
-) -> Result<ControlSocket, ConnectError> {
+fn connect(domain: &Domain, name: &ServerName, deadline: Instant) -> Outcome<ControlSocket> {
     let start = Instant::now();
     let mut pause = RETRY[0];
     loop {
@@ -319,7 +316,7 @@ fn failed(
     }
 }
 
-fn granted(response: &ControlResponse, expected: u64) -> Result<&Grant, ConnectError> {
+fn granted(response: &ControlResponse, expected: u64) -> Outcome<&Grant> {
     response
         .outcome
         .as_ref()

@@ -232,16 +232,16 @@ impl ConnectError {
         ConnectError::NoServer(name.to_owned(), domain.root().to_owned())
     }
 
-    pub(crate) fn of_service(name: &str, domain: &Domain, error: ServiceError) -> ConnectError {
+    /// A service that is there and cannot be opened; the places of a full one, and the remedy.
+    pub(crate) fn of_service(
+        error: ServiceError,
+        [transport, help]: [&'static str; 2],
+    ) -> ConnectError {
         match error {
-            ServiceError::Absent(_) => ConnectError::no_server(name, domain),
             ServiceError::OtherVersion(..) => ConnectError::WrongVersion(0),
-            ServiceError::Full(_, limit) => ConnectError::NoFreeSlot {
-                transport: "ports of the server",
-                limit,
-                holder: None,
-                help: "close other clients of this server",
-            },
+            ServiceError::Full(_, limit) => {
+                ConnectError::NoFreeSlot { transport, limit, holder: None, help }
+            }
             other => ConnectError::Service(other),
         }
     }
@@ -285,31 +285,28 @@ impl ConnectError {
         response: &ControlResponse,
         expected: u64,
     ) -> ConnectError {
-        let holder = response.holder;
+        let full = |transport: &'static str, limit: &usize, help: &'static str| {
+            ConnectError::NoFreeSlot { transport, limit: *limit, holder: response.holder, help }
+        };
         match refusal {
             Refusal::WrongVersion => ConnectError::WrongVersion(response.version),
             Refusal::WrongModel => {
                 ConnectError::WrongModel { found: response.fingerprint, expected }
             }
-            Refusal::NoLane { limit } => ConnectError::NoFreeSlot {
-                transport: "lanes of the server",
-                limit: *limit,
-                holder,
-                help: "close a client, serve with more --lanes, or connect through requests and \
-                       responses, the transport `service`",
-            },
-            Refusal::NoService { limit } => ConnectError::NoFreeSlot {
-                transport: "services of the server",
-                limit: *limit,
-                holder,
-                help: "close a client, or connect through a lane",
-            },
-            Refusal::TooManyClients { limit } => ConnectError::NoFreeSlot {
-                transport: "connections of the server",
-                limit: *limit,
-                holder,
-                help: "close a client, or serve with more --lanes",
-            },
+            Refusal::NoLane { limit } => full(
+                "lanes of the server",
+                limit,
+                "close a client, serve with more --lanes, or connect through requests and \
+                 responses, the transport `service`",
+            ),
+            Refusal::NoService { limit } => {
+                full("services of the server", limit, "close a client, or connect through a lane")
+            }
+            Refusal::TooManyClients { limit } => full(
+                "connections of the server",
+                limit,
+                "close a client, or serve with more --lanes",
+            ),
             Refusal::TooManyOrders { process, per_second } => {
                 ConnectError::TooManyOrders { process: *process, per_second: *per_second }
             }

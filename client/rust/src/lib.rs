@@ -54,6 +54,9 @@ pub use sarrus_proto::{
 pub use sarrus_proto::{actuators, watch, wire_enum};
 pub use view::ServerView;
 
+/// Result of attaching to a server and of calls on its control socket.
+type Outcome<T = ()> = Result<T, ConnectError>;
+
 /// The page for users: its programs are compiled, and run where they need no server.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

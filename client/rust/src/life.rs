@@ -8,17 +8,18 @@ use sarrus_proto::heartbeat::{HeartbeatReader, monotonic_ns};
 /// A heartbeat older than this is reported; a busy machine causes shorter pauses.
 const SILENCE: Duration = Duration::from_millis(100);
 
-/// The state of a process, as the kernel reports it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ProcessState {
-    /// It runs, or could.
-    Alive,
-    /// It was stopped by a signal or a debugger.
-    Stopped,
-    /// It is gone.
-    Dead,
-    /// The kernel does not report it.
-    Unknown,
+sarrus_proto::named_enum! {
+    /// The state of a process, as the kernel reports it.
+    pub enum ProcessState {
+        /// It runs, or could.
+        Alive = "alive",
+        /// It was stopped by a signal or a debugger.
+        Stopped = "stopped",
+        /// It is gone.
+        Dead = "dead",
+        /// The kernel does not report it.
+        Unknown = "unknown",
+    }
 }
 
 /// A snapshot of a server's life: its process and its heartbeat.

@@ -92,16 +92,9 @@ impl Plans {
         let n_out = want.len();
         let number = next_number();
         let prepared = Some(Prepared { query: *query, given, want, number, holders: 1 });
-        let index = match self.places.iter_mut().enumerate().find(|(_, place)| place.is_none()) {
-            Some((index, place)) => {
-                *place = prepared;
-                index
-            }
-            None => {
-                self.places.push(prepared);
-                self.places.len() - 1
-            }
-        };
+        let index = self.places.iter().position(Option::is_none).unwrap_or(self.places.len());
+        self.places.resize_with(self.places.len().max(index + 1), || None);
+        self.places[index] = prepared;
         (PlanId { index, number, robot: self.robot }, n_in, n_out)
     }
 

@@ -12,7 +12,7 @@ use crate::control::{Control, deadline_after};
 use crate::head::{Seen, Terms};
 use crate::plan::Plans;
 use crate::session::{Session, Unanswered};
-use crate::{Answer, ConnectError, ConnectOptions, Error, interrupt};
+use crate::{Answer, ConnectError, ConnectOptions, Error, Outcome, interrupt};
 
 /// Delay between two attempts to reattach, at first and after a while.
 const RETRY: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
@@ -50,7 +50,7 @@ impl Remote {
         domain: Domain,
         name: &str,
         options: ConnectOptions,
-    ) -> Result<(Remote, ModelInfo), ConnectError> {
+    ) -> Outcome<(Remote, ModelInfo)> {
         let name = ServerName::new(name)?;
         let deadline = deadline_after(options.timeout);
         let waited = |error: ConnectError| error.waited(options.timeout);

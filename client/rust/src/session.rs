@@ -11,7 +11,7 @@ use sarrus_proto::{Answer, Node, Status, Warnings, process_number};
 use crate::control::{Control, deadline_after};
 use crate::plan::Plans;
 use crate::wait::Waiter;
-use crate::{ConnectError, ConnectOptions, Error, Transport, interrupt};
+use crate::{ConnectError, ConnectOptions, Error, Outcome, Transport, interrupt};
 
 /// The state of a client for one run of the server.
 pub(crate) struct Session {
@@ -101,11 +101,7 @@ impl Session {
 
     /// Replaces a lane that is too small with a larger one. The old lane is returned first: it may
     /// be the server's last.
-    pub(crate) fn grow(
-        &mut self,
-        needs: [usize; 2],
-        deadline: Instant,
-    ) -> Result<(), ConnectError> {
+    pub(crate) fn grow(&mut self, needs: [usize; 2], deadline: Instant) -> Outcome {
         if let End::Lane { classes, .. } = &self.end
             && (needs[0] > classes[0] || needs[1] > classes[1])
         {

@@ -5,30 +5,17 @@ use sarrus_dynamics::description::{Loop, Row};
 use crate::pose::Pose;
 use crate::rotation::{cross, dot};
 
-/// The joint that a cut leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Point,
-    /// The point in a plane: a hinge of a loop that moves in that plane.
-    Plane,
-    Hinge,
-    Weld,
-    Slide,
-    Universal,
-    Other,
-}
-
-impl Kind {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Kind::Point => "point",
-            Kind::Plane => "point in a plane",
-            Kind::Hinge => "hinge",
-            Kind::Weld => "weld",
-            Kind::Slide => "slider",
-            Kind::Universal => "universal joint",
-            Kind::Other => "combination of directions",
-        }
+sarrus_dynamics::named_enum! {
+    /// The joint that a cut leaves.
+    pub(super) enum Kind {
+        Point = "point",
+        /// The point in a plane: a hinge of a loop that moves in that plane.
+        Plane = "point in a plane",
+        Hinge = "hinge",
+        Weld = "weld",
+        Slide = "slider",
+        Universal = "universal joint",
+        Other = "combination of directions",
     }
 }
 

@@ -24,7 +24,7 @@ use sarrus_dynamics::description::{
 use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
 use crate::build;
-use crate::error::LoadError;
+use crate::error::{LoadError, Outcome};
 use crate::load::Loaded;
 use crate::report::{Diagnostics, Report, Span, quoted};
 use crate::rewrite::number;
@@ -63,12 +63,7 @@ pub struct Exported {
 /// # Errors
 /// A part that changes M, C, K, limits or actuators and that the format cannot express; lenient, it
 /// is left out with a warning.
-pub fn export(
-    loaded: &Loaded,
-    target: Target,
-    name: &str,
-    lenient: bool,
-) -> Result<Exported, LoadError> {
+pub fn export(loaded: &Loaded, target: Target, name: &str, lenient: bool) -> Outcome<Exported> {
     let mut diagnostics = Diagnostics::new(lenient);
     for file in &loaded.files {
         diagnostics.add_file(file);

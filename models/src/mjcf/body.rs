@@ -18,8 +18,9 @@ use crate::rotation::rotated;
 const MOST_PARTS: usize = 10_000;
 
 /// The motion of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Kind {
+    #[default]
     Hinge,
     Slide,
     Ball,
@@ -27,7 +28,7 @@ pub(crate) enum Kind {
 }
 
 /// A joint; its coordinate is zero in the file's pose, MuJoCo's is `reference` there.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -71,19 +72,11 @@ impl Joint {
         Joint {
             name,
             span,
-            body: 0,
             kind,
-            pos: [0.0; 3],
             axis: [0.0, 0.0, 1.0],
-            reference: 0.0,
-            range: None,
             effort: f64::INFINITY,
             velocity: f64::INFINITY,
-            terms: Terms::default(),
-            coupling: None,
-            curve: None,
-            held: None,
-            drive: None,
+            ..Joint::default()
         }
     }
 

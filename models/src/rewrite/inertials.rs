@@ -4,11 +4,7 @@ use roxmltree::{Document, Node};
 use sarrus_dynamics::description::Inertial;
 
 use super::{edited, list, number, urdf::set};
-
-/// The first child of this name.
-fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
-    node.children().find(|child| child.has_tag_name(name))
-}
+use crate::urdf::child;
 
 /// The text of a URDF with other masses and inertias of the named links; every other byte stays.
 /// Axes are those of the text.

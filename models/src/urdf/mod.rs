@@ -24,7 +24,7 @@ use sarrus_dynamics::description::JointKind;
 pub(crate) use closing::{Closing, Place};
 pub(crate) use joint::JointEntry;
 pub(crate) use link::{LinkEntry, Weight};
-pub(crate) use xml::parse;
+pub(crate) use xml::{child, parse};
 
 use crate::report::{Diagnostics, Span, quoted};
 use crate::text::Text;
@@ -45,6 +45,7 @@ const MOST_LINKS: usize = 4096;
 const MOST_JOINTS: usize = 1024;
 
 /// A URDF file as written, with positions.
+#[derive(Default)]
 pub(crate) struct Urdf {
     pub(crate) name: String,
     pub(crate) span: Span,
@@ -164,18 +165,7 @@ impl Urdf {
                 reader.diagnostics.error(span, found, "1.0, 1.1 or 1.2", "correct it");
             }
         }
-        Some(Urdf {
-            name,
-            span,
-            links: Vec::new(),
-            joints: Vec::new(),
-            link_index: BTreeMap::new(),
-            joint_index: BTreeMap::new(),
-            parts: BTreeMap::new(),
-            closings: Vec::new(),
-            actuated: closing::actuated(root),
-            root: None,
-        })
+        Some(Urdf { name, span, actuated: closing::actuated(root), ..Urdf::default() })
     }
 
     fn check_size(&self, diagnostics: &mut Diagnostics) {

@@ -35,7 +35,7 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 }
 
 /// The first child of this name.
-pub(super) fn child<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, 't>> {
+pub(crate) fn child<'a, 't>(node: Node<'a, 't>, name: &str) -> Option<Node<'a, 't>> {
     node.children().find(|child| child.has_tag_name(name))
 }
 

@@ -259,36 +259,37 @@ pub struct Submechanism {
     pub closed_forms: bool,
 }
 
-/// How the loops of a submechanism are to be closed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum SubmechanismKind {
-    /// No loop.
-    Serial,
-    /// Lambda: rocker, stator, slider.
-    Rrpr,
-    /// Two SPU legs around a universal joint.
-    Spu2U1,
-    /// Two SPRR legs around a universal joint.
-    Sprr2U1,
-    /// Two SURRPR legs around a universal joint.
-    Surrpr2U1,
-    /// Six UPS legs.
-    Ups6,
-    /// Three RUS legs, doubled (Active Ankle).
-    Rus3x2,
-    /// Parallelograms.
-    ParallelogramChain,
-    /// Linear couplings.
-    Transmission,
-    /// Planar four-bar of any lengths: crank, coupler, rocker.
-    FourBar,
-    /// Crank, coupler, slider.
-    SliderCrank,
-    /// Two wheels that a cage's spider ties: linear in its turns.
-    Differential,
-    /// Any loops, by Newton's method.
-    Numerical,
+sarrus_proto::named_enum! {
+    /// How the loops of a submechanism are to be closed.
+    #[non_exhaustive]
+    pub enum SubmechanismKind {
+        /// No loop.
+        Serial = "SERIAL",
+        /// Lambda: rocker, stator, slider.
+        Rrpr = "RRPR",
+        /// Two SPU legs around a universal joint.
+        Spu2U1 = "2SPU+1U",
+        /// Two SPRR legs around a universal joint.
+        Sprr2U1 = "2SPRR+1U",
+        /// Two SURRPR legs around a universal joint.
+        Surrpr2U1 = "2SURRPR+1U",
+        /// Six UPS legs.
+        Ups6 = "6UPS",
+        /// Three RUS legs, doubled (Active Ankle).
+        Rus3x2 = "3RUS2",
+        /// Parallelograms.
+        ParallelogramChain = "PARALLELOGRAMCHAIN",
+        /// Linear couplings.
+        Transmission = "TRANSMISSION",
+        /// Planar four-bar of any lengths: crank, coupler, rocker.
+        FourBar = "FOURBAR",
+        /// Crank, coupler, slider.
+        SliderCrank = "SLIDERCRANK",
+        /// Two wheels that a cage's spider ties: linear in its turns.
+        Differential = "DIFFERENTIAL",
+        /// Any loops, by Newton's method.
+        Numerical = "NUMERICAL",
+    }
 }
 
 /// One loop: two frames that coincide in some directions.

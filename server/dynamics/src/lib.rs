@@ -68,7 +68,8 @@ mod workspace;
 
 pub use builder::{CutBuilder, CutJoint, DescriptionBuilder, JointBuilder, LinkId};
 pub use compile::{
-    SuggestedIndependents, curve_fault, fitting_types, loops_of, suggest_independents, table_fit,
+    CLOSED_FORMS, SuggestedIndependents, curve_fault, fitting_types, joint_orders, loops_of,
+    suggest_independents, table_fit,
 };
 pub use constrained::ImplicitForm;
 pub use diagnostic::{CompileError, Diagnostic, Site};
@@ -85,5 +86,6 @@ pub use reduction::{Lock, Reduced, locked, restricted};
 pub use sarrus_proto::{
     Answer, Axes, ClosureInfo, ClosureKind, FailedState, Field, FieldSet, JointLimits, Layout,
     ModelInfo, Query, QueryError, QueryOptions, Request, Sizes, Slot, Status, TaskParts, Warnings,
+    named_enum,
 };
 pub use workspace::Workspace;

@@ -4,9 +4,9 @@ use std::cell::{Cell, RefCell};
 
 use sarrus_dynamics::Model;
 
-use crate::GenerateError;
 use crate::graph::Operation;
 use crate::recorder::Traced;
+use crate::{GenerateError, Generated};
 
 /// Part of its change by which a constant may leave the straight line.
 const STRAIGHT: f64 = 1e-9;
@@ -42,7 +42,7 @@ impl Lengths {
         model: &Model<f64>,
         lengths: impl IntoIterator<Item = (&'a str, f64, [&'a Model<f64>; 2])>,
         step: f64,
-    ) -> Result<Lengths, GenerateError> {
+    ) -> Generated<Lengths> {
         let base = constants(model);
         let mut of = Lengths::default();
         let mut slopes = vec![Vec::new(); base.len()];
@@ -99,7 +99,7 @@ impl Lengths {
     }
 
     /// Refuses code that uses a constant which does not move along a line.
-    pub(crate) fn check(operations: &[Operation]) -> Result<(), GenerateError> {
+    pub(crate) fn check(operations: &[Operation]) -> Generated {
         let is_bent = |of: &Operation| matches!(of, Operation::Input(k) if *k as usize >= BENT);
         if operations.iter().any(is_bent) { Err(GenerateError::Lengths) } else { Ok(()) }
     }

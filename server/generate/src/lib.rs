@@ -49,3 +49,6 @@ pub use load::{
 pub use manifest::{Manifest, bare_query};
 pub use run::Cancel;
 pub use states::{RandomInputs, random_input};
+
+/// Result of generating code; the error is the reason why there is none.
+type Generated<T = ()> = Result<T, GenerateError>;

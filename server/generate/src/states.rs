@@ -98,10 +98,7 @@ fn normalise_quaternions(info: &ModelInfo, y: &mut [f64]) {
 
 /// Range of an independent coordinate, at most half a turn or a metre to each side.
 fn range(info: &ModelInfo, row: usize) -> (f64, f64) {
-    let limits = info.independent_q.get(row).and_then(|name| {
-        let v = info.tree.iter().position(|joint| joint == name)?;
-        *info.limits.get(v)?
-    });
+    let limits = info.independent_q.get(row).and_then(|name| info.limits_of(name));
     let lower = limits.and_then(|limits| limits.lower).unwrap_or(-3.0).max(-3.0);
     let upper = limits.and_then(|limits| limits.upper).unwrap_or(3.0).min(3.0);
     (lower.min(upper), upper)

@@ -9,7 +9,7 @@ use sarrus_dynamics::{
 use crate::graph::{Check, Comparison};
 use crate::lengths::Lengths;
 use crate::recorder::{self, Obstacle, Record, Traced};
-use crate::{GenerateError, Kernel, Outcome, RandomInputs, prune};
+use crate::{GenerateError, Generated, Kernel, Outcome, RandomInputs, prune};
 
 /// Most operations that are recorded, and that are left for a compiler.
 const RECORDED: usize = 400_000;
@@ -27,14 +27,14 @@ const SURE: f64 = DOUBTFUL * (1.0 - 1e-9);
 impl Kernel {
     /// Traces a plan on the model that it was made for, where most random states go, and compares
     /// the result with the plan's answers on others. Allocates.
-    pub fn trace(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+    pub fn trace(model: &Model<f64>, plan: &Plan) -> Generated<Kernel> {
         Kernel::traced(model, plan, &Lengths::default(), true)
     }
 
     /// As [`Kernel::trace`] for a display: zeros may have the other sign than the plan's, and
     /// answers may have the warning `ill_conditioned`, which the code does not give. More states
     /// are answered, as at rest and at symmetric poses.
-    pub fn trace_for_display(model: &Model<f64>, plan: &Plan) -> Result<Kernel, GenerateError> {
+    pub fn trace_for_display(model: &Model<f64>, plan: &Plan) -> Generated<Kernel> {
         Kernel::traced(model, plan, &Lengths::default(), false)
     }
 
@@ -47,17 +47,13 @@ impl Kernel {
         model: &Model<f64>,
         plan: &Plan,
         lengths: &Lengths,
-    ) -> Result<Kernel, GenerateError> {
+    ) -> Generated<Kernel> {
         Kernel::traced(model, plan, lengths, false)
     }
 
     /// The branch that a plan takes at one given input, for states that the branch of most random
     /// ones does not serve; for a display too.
-    pub fn trace_at(
-        model: &Model<f64>,
-        plan: &Plan,
-        input: &[f64],
-    ) -> Result<Kernel, GenerateError> {
+    pub fn trace_at(model: &Model<f64>, plan: &Plan, input: &[f64]) -> Generated<Kernel> {
         check_fields(plan)?;
         let lengths = &Lengths::default();
         let mut generic = Generic::new(model, plan, lengths);
@@ -78,7 +74,7 @@ impl Kernel {
         plan: &Plan,
         lengths: &Lengths,
         is_strict: bool,
-    ) -> Result<Kernel, GenerateError> {
+    ) -> Generated<Kernel> {
         check_fields(plan)?;
         let mut generic = Generic::new(model, plan, lengths);
         let mut states = Vec::new();
@@ -130,7 +126,7 @@ fn is_served(kernel: &Kernel, state: &[f64]) -> bool {
 }
 
 /// Only fields whose computation is a straight line.
-fn check_fields(plan: &Plan) -> Result<(), GenerateError> {
+fn check_fields(plan: &Plan) -> Generated {
     let query = plan.query();
     let other = query.given.iter().find(|field| !STRAIGHT_GIVEN.has(*field));
     let other = other.or(query.want.iter().find(|field| !STRAIGHT_FIELDS.has(*field)));
@@ -153,7 +149,7 @@ fn at_state(
     state: &[f64],
     states: &[Vec<f64>],
     is_strict: bool,
-) -> Result<Kernel, GenerateError> {
+) -> Generated<Kernel> {
     let run = |model: &Model<Traced>, workspace: &mut Workspace<Traced>, given: &[Traced]| {
         let mut output = vec![Traced::ZERO; plan.want().len()];
         let answer = plan.run_closed(model, workspace, given, &mut output);
@@ -177,7 +173,7 @@ pub(crate) fn recorded(
     input: &[f64],
     is_strict: bool,
     run: impl FnOnce(&Model<Traced>, &mut Workspace<Traced>, &[Traced]) -> Option<Vec<Traced>>,
-) -> Result<Kernel, GenerateError> {
+) -> Generated<Kernel> {
     recorder::start(RECORDED);
     let traced = lengths.traced(model, input.len());
     let mut workspace = Workspace::for_plans(&traced, [plan]);
@@ -261,12 +257,7 @@ impl<'a> Generic<'a> {
     }
 
     /// Where the code answers it has the kernel's bits.
-    fn compare(
-        &mut self,
-        kernel: &Kernel,
-        input: &[f64],
-        is_strict: bool,
-    ) -> Result<(), GenerateError> {
+    fn compare(&mut self, kernel: &Kernel, input: &[f64], is_strict: bool) -> Generated {
         let Some(closed) = self.closed(input) else { return Ok(()) };
         let (status, warnings) = self.answer(input);
         let mut output = vec![0.0; self.output.len()];

@@ -17,9 +17,9 @@ use sarrus_dynamics::{
 };
 use serde_json::{Map, Value, json};
 
-use crate::IdentifyError;
 use crate::dense::Triangle;
 use crate::estimate::{answered, left_over, solved};
+use crate::{IdentifyError, Outcome};
 
 /// Part of its length that a column adds to those before it from which on it is estimated.
 const IDENTIFIABLE: f64 = 1e-3;
@@ -80,7 +80,7 @@ pub fn calibrate(
     description: &Description,
     heads: &[String],
     rows: &[Vec<f64>],
-) -> Result<Calibration, IdentifyError> {
+) -> Outcome<Calibration> {
     let mut robot = displaced(description, &[], &[]).unwrap_or_else(|| description.clone());
     for of in &mut robot.submechanisms {
         of.closed_forms = false;
@@ -142,7 +142,7 @@ struct Encoder {
 }
 
 impl Encoder {
-    fn all(model: &Model<f64>, heads: &[String]) -> Result<Vec<Encoder>, IdentifyError> {
+    fn all(model: &Model<f64>, heads: &[String]) -> Outcome<Vec<Encoder>> {
         let place = |list: &[String], name: &String| list.iter().position(|x| x == name);
         let units = model.tree_units();
         let joints = model.tree_names().iter().enumerate();
@@ -163,7 +163,7 @@ impl Encoder {
     }
 }
 
-fn compiled(robot: &Description) -> Result<Model<f64>, IdentifyError> {
+fn compiled(robot: &Description) -> Outcome<Model<f64>> {
     Model::compile(robot).map(|compiled| compiled.model).map_err(IdentifyError::geometry)
 }
 
@@ -174,7 +174,7 @@ fn stacked(
     rows: &[Vec<f64>],
     zero: &[f64],
     estimate: &[f64],
-) -> Result<Triangle, IdentifyError> {
+) -> Outcome<Triangle> {
     let n = model.sizes().n_vy;
     let want = FieldSet::of(&[Field::Q, Field::G, Field::DgammaDtheta]);
     let mut planned = Planned::new(model, &Query::new(Request::Kinematics, Field::Y.into(), want))?;
@@ -224,7 +224,7 @@ fn closed(
     robot: &Description,
     (names, held): (&[String], &[String]),
     theta: &[f64],
-) -> Result<(Description, Vec<f64>), IdentifyError> {
+) -> Outcome<(Description, Vec<f64>)> {
     let other = || IdentifyError::geometry("its parts have other names");
     let moved = displaced(robot, names, theta).ok_or_else(other)?;
     let open = OpenModel::compile(&moved).map_err(IdentifyError::geometry)?;

@@ -4,11 +4,11 @@ use sarrus_dynamics::description::{Description, Inertial, JointKind};
 use sarrus_dynamics::{Base, Model, Status, base_parameters};
 use serde_json::{Map, Value, json};
 
-use crate::IdentifyError;
 use crate::dense::{Triangle, dot};
 use crate::inertia::{Near, inertial, parameters};
 use crate::log::Log;
 use crate::stack::Stack;
+use crate::{IdentifyError, Outcome};
 
 /// Part that a scaled column adds to the others below which the motion does not excite it.
 const EXCITED: f64 = 1e-7;
@@ -117,11 +117,7 @@ impl Estimate {
 /// # Errors
 ///
 /// For states that have no answer and logs that are too short.
-pub fn identify(
-    description: &Description,
-    model: &Model<f64>,
-    log: &Log,
-) -> Result<Estimate, IdentifyError> {
+pub fn identify(description: &Description, model: &Model<f64>, log: &Log) -> Outcome<Estimate> {
     let base = base_parameters(model)?;
     let mut stack = Stack::new(model)?;
     let n = base.columns.len();
@@ -200,7 +196,7 @@ fn triangles(
     base: &Base,
     log: &Log,
     noise: &[f64],
-) -> Result<Vec<Triangle>, IdentifyError> {
+) -> Outcome<Vec<Triangle>> {
     let n = base.columns.len();
     let mut parts = vec![Triangle::new(n + 1); PARTS];
     let mut line = vec![0.0; n + 1];
@@ -217,7 +213,7 @@ fn triangles(
     Ok(parts)
 }
 
-pub(crate) fn answered(status: Status, row: usize) -> Result<(), IdentifyError> {
+pub(crate) fn answered(status: Status, row: usize) -> Outcome {
     if status == Status::Ok { Ok(()) } else { Err(IdentifyError::Sample { row, status }) }
 }
 
@@ -234,7 +230,7 @@ fn remainders(
     log: &Log,
     values: &[f64],
     n: usize,
-) -> Result<Vec<f64>, IdentifyError> {
+) -> Outcome<Vec<f64>> {
     let mut squares = vec![0.0; stack.n_rows()];
     let mut largest = 0.0;
     for (k, sample) in log.samples.iter().enumerate() {

@@ -56,6 +56,9 @@ pub enum IdentifyError {
     Geometry(String),
 }
 
+/// Result of a step of an estimation.
+type Outcome<T = ()> = Result<T, IdentifyError>;
+
 impl IdentifyError {
     fn geometry(why: impl ToString) -> IdentifyError {
         IdentifyError::Geometry(why.to_string())

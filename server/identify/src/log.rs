@@ -2,8 +2,8 @@
 
 use sarrus_dynamics::Model;
 
-use crate::IdentifyError;
 use crate::dense::Triangle;
+use crate::{IdentifyError, Outcome};
 
 /// Places on each side of one through which a cubic goes that tells its rates.
 const BESIDE: usize = 7;
@@ -37,13 +37,9 @@ impl Log {
     /// # Errors
     ///
     /// Names the column that is missing.
-    pub fn of_table(
-        model: &Model<f64>,
-        heads: &[String],
-        rows: &[Vec<f64>],
-    ) -> Result<Log, IdentifyError> {
+    pub fn of_table(model: &Model<f64>, heads: &[String], rows: &[Vec<f64>]) -> Outcome<Log> {
         let column = |name: &String| heads.iter().position(|head| head == name);
-        let find = |names: &[String], ending: &str| -> Result<Vec<usize>, IdentifyError> {
+        let find = |names: &[String], ending: &str| -> Outcome<Vec<usize>> {
             let of = |name: &String| {
                 let name = format!("{name}{ending}");
                 let missing = || format!("found no column `{name}` among {}", heads.join(", "));
@@ -77,7 +73,7 @@ impl Log {
 
 /// Values, first and second derivatives of cubics through the rows around each row, without those
 /// at the ends.
-fn smoothed(t: &[f64], rows: &[Vec<f64>]) -> Result<[Vec<Vec<f64>>; 3], IdentifyError> {
+fn smoothed(t: &[f64], rows: &[Vec<f64>]) -> Outcome<[Vec<Vec<f64>>; 3]> {
     let mut found = [const { Vec::new() }; 3];
     for k in BESIDE..rows.len().saturating_sub(BESIDE) {
         let window = k - BESIDE..k + BESIDE + 1;

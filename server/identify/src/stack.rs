@@ -2,7 +2,7 @@
 
 use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request, Status};
 
-use crate::IdentifyError;
+use crate::Outcome;
 use crate::dense::dot;
 use crate::log::Sample;
 
@@ -17,7 +17,7 @@ pub(crate) struct Stack<'a> {
 }
 
 impl<'a> Stack<'a> {
-    pub(crate) fn new(model: &'a Model<f64>) -> Result<Stack<'a>, IdentifyError> {
+    pub(crate) fn new(model: &'a Model<f64>) -> Outcome<Stack<'a>> {
         let mut independents = model.independent_clusters();
         let mut actuators = model.actuator_clusters();
         independents.sort_unstable();

@@ -322,10 +322,7 @@ impl Asked {
         let of_motors = model.actuator_clusters();
         let motors: Vec<usize> =
             (0..info.active.len()).filter(|u| own.contains(&of_motors[*u])).collect();
-        let limit = |name: &String| {
-            let v = info.tree.iter().position(|joint| joint == name)?;
-            info.limits.get(v)?.as_ref()?.velocity.filter(|speed| *speed > 0.0)
-        };
+        let limit = |name: &String| info.limits_of(name)?.velocity.filter(|speed| *speed > 0.0);
         let speeds = info.active.iter().map(|name| limit(name).unwrap_or(f64::NAN)).collect();
         let mut columns = vec![
             ("points", p),
@@ -365,10 +362,8 @@ impl Asked {
     fn no_limit(&self, info: &ModelInfo) -> Vec<String> {
         let names = self.motors.iter().filter_map(|u| info.active.get(*u));
         let is_limited = |name: &&String| {
-            let v = info.tree.iter().position(|joint| joint == *name);
-            let limits = v.and_then(|v| info.limits.get(v).copied().flatten());
             let has = |limit: Option<f64>| limit.is_some_and(|limit| limit > 0.0);
-            limits.is_some_and(|limits| has(limits.effort) && has(limits.velocity))
+            info.limits_of(name).is_some_and(|limits| has(limits.effort) && has(limits.velocity))
         };
         names.filter(|name| !is_limited(name)).cloned().collect()
     }

@@ -1,6 +1,6 @@
 //! A motion as a page: the robot beside its curves.
 
-use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request};
 use sarrus_models::Loaded;
 use serde_json::{Value, json};
 
@@ -119,12 +119,8 @@ fn checks(loaded: &Loaded, q: &[f64]) -> Vec<Value> {
     let links: Vec<u16> = (0..info.links.len() as u16).collect();
     let of = |links: &[u16]| {
         let query = Query::new(Request::Kinematics, given, want).with_frames(links);
-        let mut planned = Planned::new(model, &query).ok()?;
-        planned.give(Field::Y, &y);
-        planned.give(Field::QGuess, q);
-        if planned.run(model).status != Status::Ok {
-            return None;
-        }
+        let numbers = [(Field::Y, &y[..]), (Field::QGuess, q)];
+        let planned = Planned::answered(model, &query, &numbers)?;
         // links in the order of the description
         let place = |link: &u16| {
             let name = &info.links[usize::from(*link)];

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use sarrus_dynamics::description::{Cut, Description, JointKind};
-use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
 
 use crate::code::FRAMES;
 use crate::scene::placement;
@@ -71,11 +71,7 @@ fn poses(description: &Description, model: &Model) -> Option<Vec<Isometry3<f64>>
     for frames in all.chunks(FRAMES) {
         let [given, want] = [Field::Q, Field::FramePose].map(|field| FieldSet::of(&[field]));
         let query = Query::new(Request::Kinematics, given, want).with_frames(frames);
-        let mut planned = Planned::new(model, &query).ok()?;
-        planned.give(Field::Q, &q);
-        if planned.run(model).status != Status::Ok {
-            return None;
-        }
+        let planned = Planned::answered(model, &query, &[(Field::Q, &q)])?;
         for (frame, row) in frames.iter().zip(planned.output.chunks(7)) {
             let name = &names[usize::from(*frame)];
             if let Some(link) = description.links.iter().position(|link| link.name == *name) {

@@ -16,9 +16,7 @@ pub(crate) fn scene(loaded: &Loaded, settings: &Settings, code: &Code) -> Value 
     let coordinate = |name: &String| {
         let (joint, part) = name.split_once('/').unwrap_or((name, ""));
         let joint = description.joints.iter().find(|other| other.name == joint);
-        let row = info.tree.iter().position(|other| other == name);
-        let limits = row.and_then(|row| *info.limits.get(row)?);
-        let limit = |of: fn(JointLimits) -> Option<f64>| limits.and_then(of);
+        let limit = |of: fn(JointLimits) -> Option<f64>| info.limits_of(name).and_then(of);
         json!({
             "name": name,
             "part": part,

@@ -2,6 +2,9 @@
 
 use sarrus_dynamics::{QueryError, Status};
 
+/// Result of a step of a simulation; the error names the input at fault.
+pub(crate) type Outcome<T = ()> = Result<T, SimulationError>;
+
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -81,11 +84,7 @@ fn open_by(residual: f64) -> String {
 
 impl SimulationError {
     /// One finite number for each name.
-    pub(crate) fn check_numbers(
-        what: &str,
-        numbers: &[f64],
-        names: &[String],
-    ) -> Result<(), SimulationError> {
+    pub(crate) fn check_numbers(what: &str, numbers: &[f64], names: &[String]) -> Outcome {
         if numbers.len() != names.len() {
             return Err(SimulationError::WrongCount {
                 what: what.to_owned(),
@@ -106,7 +105,7 @@ impl SimulationError {
         found: f64,
         good: bool,
         expected: &'static str,
-    ) -> Result<(), SimulationError> {
+    ) -> Outcome {
         if good && found.is_finite() {
             Ok(())
         } else {

@@ -9,9 +9,8 @@
 //! and ẏ. Inverse dynamics looks at it, and the passes are repeated with narrower limits where it
 //! finds more than [`ALLOWED`].
 
+use crate::error::Outcome;
 use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
-
-use crate::error::SimulationError;
 
 /// By how much of a limit a motion may exceed it between the points of the grid.
 pub const ALLOWED: f64 = 1e-3;
@@ -157,7 +156,7 @@ struct Timing<'a> {
 }
 
 impl Timing<'_> {
-    fn new(model: &Model<f64>) -> Result<Timing<'_>, SimulationError> {
+    fn new(model: &Model<f64>) -> Outcome<Timing<'_>> {
         let given = FieldSet::of(&[Field::Y, Field::Yd, Field::Ydd]);
         let want = FieldSet::of(&[Field::Q, Field::Qd, Field::Ud, Field::TauU]);
         let planned = Planned::new(model, &Query::new(Request::InverseDynamics, given, want))?;
@@ -366,7 +365,7 @@ pub fn time_path(
     model: &Model<f64>,
     rows: &[Vec<f64>],
     progress: &mut dyn FnMut(f64),
-) -> Result<Result<Timed, Stop>, SimulationError> {
+) -> Outcome<Result<Timed, Stop>> {
     let mut timing = Timing::new(model)?;
     Ok(timing.time(rows, progress))
 }

@@ -18,17 +18,13 @@ pub(super) fn charts(loaded: &Loaded, [y, yd, u, tau_u]: [Vec<Vec<f64>>; 4]) -> 
         let found = loaded.description.joints.iter().find(|of| Some(of.name.as_str()) == joint);
         found.as_ref().is_some_and(of) || part.starts_with(['t', 'x', 'y', 'z'])
     };
-    let limits = |name: &str| {
-        let row = info.tree.iter().position(|other| other == name);
-        row.and_then(|row| *info.limits.get(row)?)
-    };
     let mut charts = Vec::new();
     let mut add =
         |symbol: &str, units: [&str; 2], names: &[String], rows: &[Vec<f64>], of: Limit| {
             for (unit, is_slide) in units.into_iter().zip([false, true]) {
                 let curve = |(k, name): (usize, &String)| {
                     let values = rows.iter().map(|row| row.get(k).copied().unwrap_or(f64::NAN));
-                    let limits = limits(name).map_or([None; 2], of);
+                    let limits = info.limits_of(name).map_or([None; 2], of);
                     Curve { name: name.clone(), values: values.collect(), limits }
                 };
                 let names = names.iter().enumerate().filter(|(_, name)| slides(name) == is_slide);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use sarrus_client::{ProcessState, ServerView, Statistics, Status};
+use sarrus_client::{ServerView, Statistics, Status};
 use serde_json::{Map, Value, json};
 
 use super::output::{Failure, FormatFlag, Outcome, Results, table};
@@ -39,13 +39,8 @@ impl Top {
         ];
         let life = view.life();
         let silent_ms = life.silent.map(|silent| silent.as_secs_f64() * 1e3);
-        let state = match life.state {
-            ProcessState::Alive => "alive",
-            ProcessState::Stopped => "stopped",
-            ProcessState::Dead => "dead",
-            ProcessState::Unknown => "unknown",
-        };
-        let seen = Observation { name: &self.name, now, rates, silent_ms, state };
+        let seen =
+            Observation { name: &self.name, now, rates, silent_ms, state: life.state.name() };
         Ok(Results { text: self.format.render(&seen.json(), |_| seen.words()), code: 0 })
     }
 }

@@ -7,6 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use sarrus_can_core::bridge::BusState;
 use sarrus_can_core::protocol::fault;
 use sarrus_client::actuators::{ActuatorState, MechanismState, Reason, flag};
 use sarrus_client::watch::{BridgeStatistics, Times};
@@ -136,7 +137,7 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     for bus in s.buses.iter().take(s.n_buses as usize) {
         let mut row = vec![
             bus.name.as_str().to_owned(),
-            bus_state(bus.state).to_owned(),
+            BusState::name_of(bus.state as u32).to_owned(),
             format!("{:.0} %", bus.load * 100.0),
             bus.sent.to_string(),
         ];
@@ -164,10 +165,6 @@ fn text(state: &ActuatorState, statistics: &BridgeStatistics) -> String {
     out
 }
 
-fn bus_state(code: u64) -> &'static str {
-    ["active", "warning", "passive", "off"].get(code as usize).copied().unwrap_or("unknown")
-}
-
 fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
     let times = |times: &Times| {
         json!({"count": times.count, "p50": times.p50, "p99": times.p99,
@@ -184,7 +181,7 @@ fn object(state: &ActuatorState, s: &BridgeStatistics) -> Value {
         .map(|bus| {
             let mut object = json!({
                 "name": bus.name.as_str(),
-                "state": bus_state(bus.state),
+                "state": BusState::name_of(bus.state as u32),
                 "load": bus.load,
                 "sent": bus.sent,
             });

@@ -32,32 +32,28 @@ impl Setpoint {
         let position = if position.is_finite() { position } else { 0.0 };
         Setpoint { position, ..Setpoint::default() }
     }
+
+    /// Without stiffness and damping.
+    pub(crate) fn of_motion(position: f64, velocity: f64, torque: f64) -> Setpoint {
+        Setpoint { position, velocity, torque, ..Setpoint::default() }
+    }
 }
 
-/// Mode of a motor's own controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Mode {
-    /// τ + k (p* − p) + d (v* − v), in the motor.
-    Impedance,
-    /// A position, with velocity and torque as feed-forward.
-    Position,
-    /// A velocity, with torque as feed-forward.
-    Velocity,
-    /// A torque. The bridge adds stiffness and damping at its own rate.
-    Torque,
+sarrus_proto::named_enum! {
+    /// Mode of a motor's own controller.
+    pub enum Mode {
+        /// τ + k (p* − p) + d (v* − v), in the motor.
+        Impedance = "impedance",
+        /// A position, with velocity and torque as feed-forward.
+        Position = "position",
+        /// A velocity, with torque as feed-forward.
+        Velocity = "velocity",
+        /// A torque. The bridge adds stiffness and damping at its own rate.
+        Torque = "torque",
+    }
 }
 
 impl Mode {
-    /// The name in configurations.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Mode::Impedance => "impedance",
-            Mode::Position => "position",
-            Mode::Velocity => "velocity",
-            Mode::Torque => "torque",
-        }
-    }
-
     /// Whether loops of the motor make the torque, within a limit of its own.
     pub const fn has_own_loops(self) -> bool {
         matches!(self, Mode::Position | Mode::Velocity)
@@ -78,18 +74,20 @@ pub enum DriveCommand {
     On(Setpoint),
 }
 
-/// Power of a motor, by its answers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Power {
-    /// It has not answered yet.
-    #[default]
-    Unknown,
-    /// Without power.
-    Off,
-    /// On the way to power.
-    Starting,
-    /// Follows set-points.
-    On,
+sarrus_proto::named_enum! {
+    /// Power of a motor, by its answers.
+    #[derive(Default)]
+    pub enum Power {
+        /// It has not answered yet.
+        #[default]
+        Unknown = "unknown",
+        /// Without power.
+        Off = "off",
+        /// On the way to power.
+        Starting = "starting",
+        /// Follows set-points.
+        On = "on",
+    }
 }
 
 /// State of the watchdog in the motor: the time without commands after which it turns its

@@ -1,7 +1,5 @@
 //! Events and states of a bus.
 
-use crate::state::state_of_enum;
-
 /// News of a bus from its adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
@@ -26,30 +24,21 @@ pub enum BusEvent {
     Late,
 }
 
-/// The state of a bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusState {
-    /// No errors.
-    Active,
-    /// Many errors.
-    Warning,
-    /// Error-passive: nothing is armed.
-    Passive,
-    /// Off the bus: its mechanisms are in fault.
-    Off,
+sarrus_proto::wire_enum! {
+    /// The state of a bus.
+    BusState: u32 {
+        /// No errors.
+        Active = 0, "active";
+        /// Many errors.
+        Warning = 1, "warning";
+        /// Error-passive: nothing is armed.
+        Passive = 2, "passive";
+        /// Off the bus: its mechanisms are in fault.
+        Off = 3, "off";
+    }
 }
 
 impl BusState {
-    /// The name for people.
-    pub const fn name(self) -> &'static str {
-        match self {
-            BusState::Active => "active",
-            BusState::Warning => "warning",
-            BusState::Passive => "passive",
-            BusState::Off => "off",
-        }
-    }
-
     /// The event of a bus that gets there.
     pub(crate) const fn event(self) -> BusEvent {
         match self {
@@ -103,5 +92,3 @@ impl BusEvent {
         }
     }
 }
-
-state_of_enum!(BusState { Active, Warning, Passive, Off });

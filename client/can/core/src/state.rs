@@ -6,6 +6,8 @@
 
 use sarrus_proto::actuators::{ActuatorCommand, MechanismState, Reason};
 
+use crate::event::BusState;
+
 /// Numbers of a state that are written, or read.
 #[derive(Debug)]
 pub struct Words<'a>(Access<'a>);
@@ -187,4 +189,4 @@ macro_rules! coded {
         }
     )*};
 }
-coded!(MechanismState, Reason);
+coded!(BusState, MechanismState, Reason);

@@ -27,7 +27,7 @@
 use super::{Firmware, Plant, standard};
 use sarrus_can_core::drive::Setpoint;
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
-use sarrus_can_core::protocol::{Common, Settings};
+use sarrus_can_core::protocol::{Common, MitVariant as Variant, Settings};
 
 /// Identifier of a Damiao's registers.
 const REGISTERS: u16 = 0x7FF;
@@ -43,14 +43,6 @@ const SUPPLY: f64 = 24.0;
 /// A Damiao's state after its watchdog.
 const COMMUNICATION_LOST: u32 = 0xD;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Variant {
-    MiniCheetah,
-    TMotor,
-    Damiao,
-    RobStride,
-}
-
 #[derive(Debug)]
 pub(super) struct Mit {
     variant: Variant,
@@ -62,12 +54,8 @@ pub(super) struct Mit {
 
 impl Mit {
     pub(super) fn new(settings: &Settings, common: Common, plant: &mut Plant) -> Mit {
-        let variant = match settings.text("variant") {
-            "t_motor" => Variant::TMotor,
-            "damiao" => Variant::Damiao,
-            "robstride" => Variant::RobStride,
-            _ => Variant::MiniCheetah,
-        };
+        let is_named = |of: &Variant| of.name() == settings.text("variant");
+        let variant = Variant::ALL.into_iter().find(is_named).unwrap_or(Variant::MiniCheetah);
         if variant != Variant::Damiao {
             // set with the maker's tool, as these motors cannot be asked
             plant.watchdog_ns = u64::from(common.watchdog_ms) * 1_000_000;

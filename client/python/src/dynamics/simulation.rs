@@ -124,27 +124,14 @@ fn word(kind: &EventKind) -> &'static str {
 fn arrays<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let samples = &run.samples;
-    let numbers: [(&str, fn(&Sample) -> f64); 5] = [
-        ("time", |sample| sample.time),
-        ("kinetic", |sample| sample.energy.kinetic),
-        ("potential", |sample| sample.energy.potential),
-        ("work", |sample| sample.work),
-        ("residual", |sample| sample.energy.residual),
-    ];
-    for (name, number) in numbers {
+    for (name, number) in Sample::FIGURES {
         let array = zeros::<f64>(py, &[samples.len()])?.cast_into::<PyArray1<f64>>()?;
         for (place, sample) in array.try_readwrite()?.as_slice_mut()?.iter_mut().zip(samples) {
             *place = number(sample);
         }
         dict.set_item(name, array)?;
     }
-    let fields: [(&str, fn(&Sample) -> &[f64]); 4] = [
-        ("y", |sample| &sample.y),
-        ("yd", |sample| &sample.yd),
-        ("q", |sample| &sample.q),
-        ("qd", |sample| &sample.qd),
-    ];
-    for (name, field) in fields {
+    for (name, field) in Sample::STATES {
         let width = samples.first().map_or(0, |sample| field(sample).len());
         let array = zeros::<f64>(py, &[samples.len(), width])?.cast_into::<PyArray2<f64>>()?;
         let numbers = samples.iter().flat_map(field);

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::joint::vector;
 use super::{DescriptionBuilder, LinkId};
+use crate::compile::vector;
 use crate::description::{Cut, Loop, Placement, Row};
 use crate::diagnostic::{Diagnostic, Site};
 use crate::initial_pose::placement;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{DescriptionBuilder, LinkId};
-use crate::compile::pose_of;
+use crate::compile::{pose_of, vector};
 use crate::description::{Inertial, Joint, JointKind, Limits, Link, Placement, Terms};
 use crate::scalar::{Dd, Real};
 use crate::spatial::{Matrix, Pose};
@@ -89,22 +89,20 @@ impl<'a> JointBuilder<'a> {
     /// Least and greatest position `[m, rad]`, beyond which answers bear a warning; speed and force
     /// stay without limits unless they are given.
     pub fn limits(mut self, lower: f64, upper: f64) -> JointBuilder<'a> {
-        let limits = Limits { lower, upper, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        let limits = self.mine().limits.get_or_insert(Limits::NONE);
+        (limits.lower, limits.upper) = (lower, upper);
         self
     }
 
     /// Greatest speed `[m/s, rad/s]`.
     pub fn velocity_limit(mut self, velocity: f64) -> JointBuilder<'a> {
-        let limits = Limits { velocity, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        self.mine().limits.get_or_insert(Limits::NONE).velocity = velocity;
         self
     }
 
     /// Greatest force or moment of the actuator `[N, N m]`.
     pub fn effort_limit(mut self, effort: f64) -> JointBuilder<'a> {
-        let limits = Limits { effort, ..self.any_limits() };
-        self.mine().limits = Some(limits);
+        self.mine().limits.get_or_insert(Limits::NONE).effort = effort;
         self
     }
 
@@ -156,22 +154,12 @@ impl<'a> JointBuilder<'a> {
         &mut self.robot.description.joints[self.joint]
     }
 
-    /// The limits so far.
-    fn any_limits(&mut self) -> Limits {
-        self.mine().limits.unwrap_or(Limits::NONE)
-    }
-
     /// The link's pose follows the joint's origin.
     fn placed(&mut self) {
         let origin = pose_of(&self.mine().origin);
         let x = self.x_root_parent.then(&origin);
         self.robot.x_root_link[self.joint + 1] = x;
     }
-}
-
-/// A vector of doubles.
-pub(super) fn vector(x: [f64; 3]) -> Vector3<Dd> {
-    Vector3::new(Dd::from_f64(x[0]), Dd::from_f64(x[1]), Dd::from_f64(x[2]))
 }
 
 /// A vector rounded once.

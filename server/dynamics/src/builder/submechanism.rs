@@ -60,31 +60,12 @@ impl Group {
         Submechanism {
             name: self.name.clone(),
             kind,
-            type_name: type_name(kind).into(),
+            type_name: kind.name().into(),
             spanning_tree: self.spanning_tree.clone(),
             active: self.active.clone().unwrap_or_else(driven),
             independent,
             loops,
             closed_forms: true,
         }
-    }
-}
-
-/// A kind as robot files write it.
-fn type_name(kind: SubmechanismKind) -> &'static str {
-    match kind {
-        SubmechanismKind::Serial => "SERIAL",
-        SubmechanismKind::Rrpr => "RRPR",
-        SubmechanismKind::Spu2U1 => "2SPU+1U",
-        SubmechanismKind::Sprr2U1 => "2SPRR+1U",
-        SubmechanismKind::Surrpr2U1 => "2SURRPR+1U",
-        SubmechanismKind::Ups6 => "6UPS",
-        SubmechanismKind::Rus3x2 => "3RUS2",
-        SubmechanismKind::ParallelogramChain => "PARALLELOGRAMCHAIN",
-        SubmechanismKind::Transmission => "TRANSMISSION",
-        SubmechanismKind::FourBar => "FOURBAR",
-        SubmechanismKind::SliderCrank => "SLIDERCRANK",
-        SubmechanismKind::Differential => "DIFFERENTIAL",
-        SubmechanismKind::Numerical => "NUMERICAL",
     }
 }

@@ -179,19 +179,24 @@ pub(super) fn idle_motions(
     at: &Sample,
     rank: usize,
 ) -> Option<Vec<Vec<f64>>> {
-    let &Subject { cluster, bodies, has_child_cluster, .. } = subject;
+    let cluster = subject.cluster;
     let drift = null_space(&at.columns(&cluster.dependent, cluster));
     let excess = (cluster.n_v - rank).checked_sub(cluster.n_vy);
-    let is_idle = |direction: &Vec<f64>| {
-        let mut rate = vec![0.0; cluster.n_v];
-        cluster
-            .dependent
-            .iter()
-            .zip(direction)
-            .for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
-        Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
-    };
+    let is_idle = |direction: &Vec<f64>| is_idle_along(subject, at, &cluster.dependent, direction);
     (excess == Some(drift.len()) && drift.iter().all(is_idle)).then_some(drift)
+}
+
+/// True where a motion is idle, given by its direction along these velocities in their units.
+pub(super) fn is_idle_along(
+    subject: &Subject<'_>,
+    at: &Sample,
+    along: &[usize],
+    direction: &[f64],
+) -> bool {
+    let &Subject { cluster, bodies, has_child_cluster, .. } = subject;
+    let mut rate = vec![0.0; cluster.n_v];
+    along.iter().zip(direction).for_each(|(v, x)| rate[*v] = x * column_unit(cluster, *v));
+    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
 }
 
 /// Some of the names, for a message.

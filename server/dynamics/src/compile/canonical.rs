@@ -96,12 +96,7 @@ pub fn fitting_types(
     if submechanism.spanning_tree.len() > MOST_JOINTS || submechanism.independent.len() > 6 {
         return Vec::new();
     }
-    let orders: Vec<Vec<usize>> = match submechanism.spanning_tree[..] {
-        [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
-            .map(|order| order.to_vec())
-            .to_vec(),
-        _ => vec![submechanism.spanning_tree.clone()],
-    };
+    let orders = joint_orders(&submechanism.spanning_tree);
     let fits = |(name, kind): (&'static str, SubmechanismKind)| {
         let has = |order: &&Vec<usize>| {
             let spanning_tree = (*order).clone();
@@ -111,6 +106,16 @@ pub fn fitting_types(
         orders.iter().find(has).map(|order| (name, order.clone()))
     };
     CLOSED_FORMS.into_iter().filter_map(fits).collect()
+}
+
+/// The orders in which a type may name joints of a tree: all of three joints, else the given one.
+pub fn joint_orders(tree: &[usize]) -> Vec<Vec<usize>> {
+    match *tree {
+        [a, b, c] => [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]]
+            .map(|order| order.to_vec())
+            .to_vec(),
+        _ => vec![tree.to_vec()],
+    }
 }
 
 /// Two joints that turn and a slider: of an RRPR rocker, stator on the same body, slider on the

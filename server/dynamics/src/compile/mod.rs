@@ -39,15 +39,15 @@ use crate::model::{ClosureAtZero, Compiled, Model};
 use crate::scalar::{Dd, Real};
 
 pub(crate) use assemble::Assembly;
-pub use canonical::{fitting_types, loops_of};
+pub use canonical::{fitting_types, joint_orders, loops_of};
 pub(crate) use curves::curve_at;
 pub use curves::{curve_fault, table_fit};
-pub(crate) use geometry::{link_pose, pose as pose_of, unit_of};
+pub(crate) use geometry::{link_pose, pose as pose_of, unit_of, vector};
 pub(crate) use structure::Structure;
 pub use suggest::{SuggestedIndependents, suggest_independents};
 
 /// The types with a closed form, in the order in which they are tried on a loop of another type.
-const CLOSED_FORMS: [(&str, SubmechanismKind); 8] = [
+pub const CLOSED_FORMS: [(&str, SubmechanismKind); 8] = [
     ("RRPR", SubmechanismKind::Rrpr),
     ("SLIDERCRANK", SubmechanismKind::SliderCrank),
     ("FOURBAR", SubmechanismKind::FourBar),

@@ -2,10 +2,8 @@
 
 use core::slice;
 
-use crate::closure::column_unit;
-use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions};
+use crate::compile::analysis::{Sample, Subject, generic_of, idle_motions, is_idle_along};
 use crate::compile::assemble::Assembly;
-use crate::compile::idle::Drift;
 use crate::compile::mobility::{good_independents, off_zero, preferred};
 use crate::compile::rank::null_space;
 use crate::description::Description;
@@ -110,11 +108,8 @@ fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
 
 /// True where the motion that one independent makes alone is idle.
 fn spins(subject: &Subject<'_>, at: &Sample, chosen: &[usize], v: usize) -> bool {
-    let &Subject { cluster, bodies, has_child_cluster, .. } = subject;
+    let cluster = subject.cluster;
     let others: Vec<usize> = (0..cluster.n_v).filter(|w| *w == v || !chosen.contains(w)).collect();
     let free = null_space(&at.columns(&others, cluster));
-    let [direction] = free.as_slice() else { return false };
-    let mut rate = vec![0.0; cluster.n_v];
-    others.iter().zip(direction).for_each(|(w, x)| rate[*w] = x * column_unit(cluster, *w));
-    Drift { cluster, bodies, pose: &at.pose, rate, K: &at.K }.is_idle(has_child_cluster)
+    matches!(free.as_slice(), [direction] if is_idle_along(subject, at, &others, direction))
 }

@@ -26,7 +26,7 @@ pub use rezero::{closing_placements, displaced, rezeroed};
 pub(crate) use rezero::{has_moved, moved, n_q, placed, placement};
 
 /// A closed pose near a given one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Assembled {
     /// Tree coordinates `[m, rad]` (n_q).
     pub q: Vec<f64>,
@@ -131,14 +131,7 @@ impl Model<f64> {
         let order = &self.order;
         let (near, weights) = checked(self, near, weights)?;
         let mut q = near.clone();
-        let mut found = Assembled {
-            q: Vec::new(),
-            residual: 0.0,
-            residual_before: 0.0,
-            distance: 0.0,
-            iterations: 0,
-            branch: Vec::new(),
-        };
+        let mut found = Assembled::default();
         let mut open = false;
         let mut slope = 0.0;
         // a cluster without ranked rows has no branch

@@ -7,28 +7,15 @@
 use super::Model;
 use crate::mechanism::Cluster;
 
-/// A method from forces to accelerations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// Articulated bodies over clusters by constraint embedding: O(n).
-    Recursion,
-    /// The reduced mass matrix Gᵀ M G with a branch-sparse factor.
-    Projection,
-    /// The whole tree with the loops as constraints: an oracle, and slow.
-    Kkt,
-}
-
-impl Method {
-    /// Every method.
-    pub const ALL: [Method; 3] = [Method::Recursion, Method::Projection, Method::Kkt];
-
-    /// Its name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Method::Recursion => "recursion",
-            Method::Projection => "projection",
-            Method::Kkt => "kkt",
-        }
+sarrus_proto::named_enum! {
+    /// A method from forces to accelerations.
+    pub enum Method {
+        /// Articulated bodies over clusters by constraint embedding: O(n).
+        Recursion = "recursion",
+        /// The reduced mass matrix Gᵀ M G with a branch-sparse factor.
+        Projection = "projection",
+        /// The whole tree with the loops as constraints: an oracle, and slow.
+        Kkt = "kkt",
     }
 }
 

@@ -97,7 +97,7 @@ fn authority<T: Real>(cluster: &Cluster<T>, ws: &Workspace<T>) -> T {
 }
 
 /// The lesser one; `a` where `b` is not a number.
-fn lesser<T: Real>(a: T, b: T) -> T {
+pub(super) fn lesser<T: Real>(a: T, b: T) -> T {
     T::select_lt(b, a, b, a)
 }
 

@@ -10,7 +10,7 @@ use crate::linalg::{Zonotope, dot, solve_pivoted, solve_sound};
 use crate::mechanism::Cluster;
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::plan::actuation::actuator_matrix;
+use crate::plan::actuation::{actuator_matrix, lesser};
 use crate::plan::needed::Needed;
 use crate::scalar::{Real, all_finite};
 use crate::workspace::{MOST_SEGMENTS, MotorScratch, Workspace};
@@ -456,11 +456,6 @@ fn leads<T: Real>(s: T, margin: &mut T, binding: &mut [T]) -> bool {
     }
     *margin = lesser(*margin, s);
     true
-}
-
-/// The lesser one.
-fn lesser<T: Real>(a: T, b: T) -> T {
-    T::select_lt(b, a, b, a)
 }
 
 /// The term of a tree velocity, of a list by ascending velocity.

@@ -28,6 +28,22 @@ impl<T: PlanScalar> Planned<T> {
         Plan::new(model, query).map(|plan| Planned::of(model, plan))
     }
 
+    /// The plan of a query with its answer to these numbers; `None` without one. Allocates.
+    ///
+    /// # Panics
+    ///
+    /// As [`Planned::give`].
+    pub fn answered(
+        model: &Model<T>,
+        query: &Query,
+        given: &[(Field, &[T])],
+    ) -> Option<Planned<T>> {
+        let mut planned = Planned::new(model, query).ok()?;
+        given.iter().for_each(|(field, numbers)| planned.give(*field, numbers));
+        planned.run(model).ok().ok()?;
+        Some(planned)
+    }
+
     /// Room for a plan of this model. Allocates.
     pub fn of(model: &Model<T>, plan: Plan) -> Planned<T> {
         Planned {

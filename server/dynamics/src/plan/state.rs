@@ -186,7 +186,7 @@ impl Plan {
         } else {
             let level = if self.actuated_rates() { Level::Jacobian } else { self.steps.level };
             let guess = self.given.slot(Field::Q).or(self.given.slot(Field::QGuess));
-            (ws.close_from(model, c, level, guess.is_none() && !ws.resumes), 1.0)
+            (ws.close_from(model, c, level, guess.is_none() && !ws.resumes, false), 1.0)
         };
         report.iterations += outcome.iterations;
         if outcome.status != Status::Ok {

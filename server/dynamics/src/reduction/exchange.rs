@@ -1,6 +1,6 @@
 //! Exchanges independents for dependent joints that are held still, by G.
 
-use sarrus_proto::{Field, FieldSet, Query, Request, Status};
+use sarrus_proto::{Field, FieldSet, Query, Request};
 
 use crate::description::{Description, JointKind};
 use crate::model::Model;
@@ -84,11 +84,7 @@ impl Gains {
         }
         let want = FieldSet::of(&[Field::G]);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
-        let mut planned = Planned::new(model, &query).ok()?;
-        planned.give(Field::Y, &y);
-        if planned.run(model).status != Status::Ok {
-            return None;
-        }
+        let planned = Planned::answered(model, &query, &[(Field::Y, &y)])?;
         let mut rows = vec![Vec::new(); n];
         let mut G = planned.output.chunks_exact(units.len().max(1));
         for (s, of) in description.submechanisms.iter().enumerate() {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use sarrus_proto::{Field, FieldSet, Query, Request, Status};
+use sarrus_proto::{Field, FieldSet, Query, Request};
 
 use crate::compile::Structure;
 use crate::description::{Description, JointKind, SubmechanismKind};
@@ -156,14 +156,10 @@ impl Trial {
         let description = &self.description;
         let want = FieldSet::of(&[Field::Q, Field::G]);
         let query = Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), want);
-        let mut planned = Planned::new(model, &query).ok()?;
         let off = |i: usize| if k == 0 { 0.0 } else { self.reach[i] * noise(53 * k + i) };
         let y: Vec<Dd> =
             self.y.iter().enumerate().map(|(i, y)| Dd::from_f64(*y + off(i))).collect();
-        planned.give(Field::Y, &y);
-        if planned.run(model).status != Status::Ok {
-            return None;
-        }
+        let planned = Planned::answered(model, &query, &[(Field::Y, &y)])?;
         let [q, G] = [Field::Q, Field::G].map(|field| planned.get(field));
         let n_vy = model.sizes().n_vy;
         // the columns of the independents that are left

@@ -232,19 +232,12 @@ impl<T: Real> Workspace<T> {
 
     /// Closes cluster c of a model down to a level, as [`crate::closure::Closure::close`] does.
     pub(crate) fn close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
-        self.close_from(model, c, level, false)
+        self.close_from(model, c, level, false, false)
     }
 
     /// As `close`, for one of many attempts.
     pub(crate) fn try_to_close(&mut self, model: &Model<T>, c: usize, level: Level) -> Outcome {
-        let cluster = &model.clusters[c];
-        if let Closure::Numerical(numerical) = &model.closures[c] {
-            self.bring_start(cluster, numerical);
-        }
-        let mut local = Local { is_trial: true, ..self.local(cluster, model.bodies_of(cluster)) };
-        let outcome = model.closures[c].close(&mut local, level);
-        cluster.windings.count(local.start, local.q);
-        outcome
+        self.close_from(model, c, level, false, true)
     }
 
     /// As `close`; `zero` is true if the start is the model's zero pose for lack of another.
@@ -254,13 +247,14 @@ impl<T: Real> Workspace<T> {
         c: usize,
         level: Level,
         zero: bool,
+        is_trial: bool,
     ) -> Outcome {
         let cluster = &model.clusters[c];
         if let Closure::Numerical(numerical) = &model.closures[c] {
             self.bring_start(cluster, numerical);
         }
-        let mut local = Local { from_zero: zero, ..self.local(cluster, model.bodies_of(cluster)) };
-        let outcome = model.closures[c].close(&mut local, level);
+        let mut local = Local { from_zero: zero, is_trial, ..self.local(cluster) };
+        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
         if !zero || cluster.windings.leave(local.q) {
             cluster.windings.count(local.start, local.q);
         }

@@ -7,14 +7,14 @@ use sarrus_dynamics::{Field, Model, NewtonCluster, Plan};
 use super::{compiled, literal};
 use crate::recorder::Traced;
 use crate::trace::recorded;
-use crate::{GenerateError, Lengths};
+use crate::{GenerateError, Generated, Lengths};
 
 /// The script's part that closes loops; none where nothing is to be closed.
 pub(super) fn newton(
     model: &Model<f64>,
     plan: &Plan,
     lengths: &Lengths,
-) -> Result<Option<(String, usize)>, GenerateError> {
+) -> Generated<Option<(String, usize)>> {
     if !plan.closes_apart() {
         return Ok(None);
     }
@@ -64,7 +64,7 @@ fn cluster_text(
     cluster: &NewtonCluster,
     zero: &[f64],
     operations: &mut usize,
-) -> Result<String, GenerateError> {
+) -> Generated<String> {
     let mut text = String::new();
     for block in &cluster.blocks {
         let step = recorded(model, plan, lengths, zero, false, |model, workspace, q| {

@@ -5,7 +5,7 @@ use std::path::Path;
 use sarrus_dynamics::{Answer, Model, Plan, Workspace};
 
 use super::object::Object;
-use super::{LoadError, LoadFault, NativeKernel, ObjectFile};
+use super::{LoadError, LoadFault, Loaded, NativeKernel, ObjectFile};
 use crate::RandomInputs;
 use crate::manifest::bare_query;
 
@@ -40,11 +40,7 @@ impl NativeKernel {
     ///
     /// # Errors
     /// As [`NativeKernel::open`].
-    pub fn load(
-        file: &ObjectFile,
-        model: &Model<f64>,
-        plan: &Plan,
-    ) -> Result<NativeKernel, LoadError> {
+    pub fn load(file: &ObjectFile, model: &Model<f64>, plan: &Plan) -> Loaded<NativeKernel> {
         let manifest = file.manifest();
         file.plan(model)?;
         let sizes = [plan.given().len() + plan.closed_len(), plan.want().len()];
@@ -68,11 +64,7 @@ impl NativeKernel {
     }
 
     /// Loads and compares, on a thread whose floating-point mode may be lost.
-    fn loaded(
-        file: &ObjectFile,
-        model: &Model<f64>,
-        plan: &Plan,
-    ) -> Result<NativeKernel, LoadError> {
+    fn loaded(file: &ObjectFile, model: &Model<f64>, plan: &Plan) -> Loaded<NativeKernel> {
         let manifest = file.manifest().clone();
         let states = NativeKernel::STATES;
         let mut kernel = NativeKernel { object: Object::load(file)?, manifest };

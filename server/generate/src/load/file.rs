@@ -12,7 +12,7 @@ use sarrus_dynamics::{Model, Plan};
 use sarrus_proto::fnv1a_64;
 
 use super::elf::Elf;
-use super::{LoadError, LoadFault};
+use super::{LoadError, LoadFault, Loaded};
 use crate::Manifest;
 
 /// The largest file that is read `[byte]`.
@@ -45,13 +45,13 @@ impl ObjectFile {
     }
 
     /// Reads one that this program has just had compiled, of any mode; no link is followed.
-    pub(crate) fn read_built(path: &Path) -> Result<ObjectFile, LoadError> {
+    pub(crate) fn read_built(path: &Path) -> Loaded<ObjectFile> {
         ObjectFile::read_as(path, OFlags::NOFOLLOW, 0, path)
     }
 
     /// Reads one that the cache wrote, with the hash of its bytes behind them; errors name it
     /// `path`.
-    pub(super) fn read_kept(from: &Path, path: &Path) -> Result<ObjectFile, LoadError> {
+    pub(super) fn read_kept(from: &Path, path: &Path) -> Loaded<ObjectFile> {
         let file = ObjectFile::read_as(from, OFlags::NOFOLLOW, OTHERS_WRITE, path)?;
         let length = file.bytes.len().saturating_sub(sum(&[]).len());
         let (bytes, end) = file.bytes.split_at(length);
@@ -63,12 +63,7 @@ impl ObjectFile {
 
     /// Reads a file, opened with these flags, whose mode has none of the refused bits; errors name
     /// it `path`.
-    fn read_as(
-        from: &Path,
-        flags: OFlags,
-        refused: u32,
-        path: &Path,
-    ) -> Result<ObjectFile, LoadError> {
+    fn read_as(from: &Path, flags: OFlags, refused: u32, path: &Path) -> Loaded<ObjectFile> {
         let failed = |error: io::Error| LoadFault::Io(error).of(path);
         // opening a pipe would wait for a writer
         let flags = flags | OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
@@ -122,7 +117,7 @@ impl ObjectFile {
     ///
     /// # Errors
     /// [`LoadFault::WrongRobot`], [`LoadFault::WrongQuery`].
-    pub(super) fn plan(&self, model: &Model<f64>) -> Result<Plan, LoadError> {
+    pub(super) fn plan(&self, model: &Model<f64>) -> Loaded<Plan> {
         let manifest = &self.manifest;
         // the query of another robot may name links that this one lacks
         if manifest.fingerprint != model.fingerprint() {

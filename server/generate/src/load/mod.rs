@@ -18,3 +18,6 @@ pub use cache::{Cache, CacheError, Made, MakeError, Origin, Trial};
 pub use error::{LoadError, LoadFault};
 pub use file::ObjectFile;
 pub use native::NativeKernel;
+
+/// A step on the way to a loaded object; the error names the file.
+type Loaded<T = ()> = Result<T, LoadError>;

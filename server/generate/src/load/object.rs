@@ -13,7 +13,7 @@ use std::os::fd::OwnedFd;
 
 use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 
-use super::{LoadError, LoadFault, ObjectFile};
+use super::{LoadFault, Loaded, ObjectFile};
 use crate::manifest::SYMBOL;
 
 /// The type of every generated function.
@@ -35,7 +35,7 @@ pub(super) struct Object {
 
 impl Object {
     /// Loads a file whose manifest was found right.
-    pub(super) fn load(file: &ObjectFile) -> Result<Object, LoadError> {
+    pub(super) fn load(file: &ObjectFile) -> Loaded<Object> {
         let refused = |reason: String| LoadFault::Loader(reason).of(file.path());
         let (descriptor, sealed) = file
             .sealed()

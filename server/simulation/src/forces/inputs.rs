@@ -7,24 +7,15 @@ use sarrus_dynamics::Model;
 use sarrus_dynamics::scalar::Real;
 
 use crate::coordinates::Coordinates;
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 
-/// The joints that an input acts on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Space {
-    /// The declared independents, in the order of ẏ.
-    Independent,
-    /// The actuators, in the order of u̇.
-    Actuator,
-}
-
-impl Space {
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Space::Independent => "y",
-            Space::Actuator => "u",
-        }
+sarrus_dynamics::named_enum! {
+    /// The joints that an input acts on.
+    pub enum Space {
+        /// The declared independents, in the order of ẏ.
+        Independent = "y",
+        /// The actuators, in the order of u̇.
+        Actuator = "u",
     }
 }
 
@@ -72,11 +63,7 @@ pub(crate) struct OnTree {
 
 impl OnTree {
     /// Checks the numbers of an input against the model.
-    pub(crate) fn new(
-        input: &Input,
-        model: &Model<f64>,
-        tree: &Coordinates,
-    ) -> Result<OnTree, SimulationError> {
+    pub(crate) fn new(input: &Input, model: &Model<f64>, tree: &Coordinates) -> Outcome<OnTree> {
         let names = match input.space {
             Space::Independent => model.independent_names(),
             Space::Actuator => model.active_names(),

@@ -8,7 +8,7 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Planned, Query, Request, Status};
 
-use crate::error::SimulationError;
+use crate::error::Outcome;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::Springs;
 use crate::methods::runge_kutta::four_stages;
@@ -36,7 +36,7 @@ impl<'a> Form<'a> {
         springs: Springs,
         inputs: Vec<OnTree>,
         rate: f64,
-    ) -> Result<Form<'a>, SimulationError> {
+    ) -> Outcome<Form<'a>> {
         let mechanism = Mechanism::new(model, description, springs, inputs, Effects::default());
         let links = mechanism.springs.links.clone();
         let frames = if links.is_empty() {

@@ -12,7 +12,7 @@ use sarrus_dynamics::scalar::Real;
 use sarrus_dynamics::{Compiled, Model, Status};
 
 use crate::coordinates::Coordinates;
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 
 /// A rotor behind a spring; its state is θ̇ and θ.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ pub(crate) fn rotors<C>(model: &Model<C>, description: &Description) -> (Vec<Rot
 pub(crate) fn parted(
     mut description: Description,
     names: &[String],
-) -> Result<(Description, Compiled), SimulationError> {
+) -> Outcome<(Description, Compiled)> {
     for joint in description.joints.iter_mut().filter(|joint| names.contains(&joint.name)) {
         joint.terms.rotor_inertia = 0.0;
     }

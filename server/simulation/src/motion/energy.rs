@@ -6,7 +6,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Planned, Query, Request, Status};
 
 use crate::coordinates::{Coordinates, cross, turned};
-use crate::error::SimulationError;
+use crate::error::Outcome;
 
 /// Links in one plan.
 const CHUNK: usize = 32;
@@ -44,10 +44,7 @@ pub(crate) struct Meter<T: PlanScalar> {
 }
 
 impl<T: PlanScalar> Meter<T> {
-    pub(crate) fn new(
-        model: &Model<T>,
-        description: &Description,
-    ) -> Result<Meter<T>, SimulationError> {
+    pub(crate) fn new(model: &Model<T>, description: &Description) -> Outcome<Meter<T>> {
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
         let mut links = Vec::new();
         let mut masses = Vec::new();

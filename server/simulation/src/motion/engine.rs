@@ -6,7 +6,7 @@ use sarrus_dynamics::scalar::{Dd, Real};
 use sarrus_dynamics::{Answer, Compiled, Field, Model, PlanScalar, Status, Warnings};
 
 use crate::coordinates::largest;
-use crate::error::SimulationError;
+use crate::error::Outcome;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
 use crate::motion::rates::{Effects, Mechanism, Rates};
@@ -88,7 +88,7 @@ struct Precise {
 }
 
 impl Precise {
-    fn new(model: Model<Dd>, mechanism: &Mechanism) -> Result<Precise, SimulationError> {
+    fn new(model: Model<Dd>, mechanism: &Mechanism) -> Outcome<Precise> {
         let zero = |n: usize| vec![Dd::ZERO; n];
         let (x, q, qd) =
             (zero(mechanism.n()), zero(mechanism.sizes.n_q), zero(mechanism.sizes.n_v));
@@ -115,7 +115,7 @@ impl Engine {
         inputs: Vec<OnTree>,
         effects: Effects,
         q: &[f64],
-    ) -> Result<Engine, SimulationError> {
+    ) -> Outcome<Engine> {
         let model = &compiled.model;
         let mechanism = Mechanism::new(model, &description, springs, inputs, effects);
         let rates = Rates::new(model.clone(), &mechanism)?;

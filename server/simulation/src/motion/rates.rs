@@ -18,7 +18,7 @@ use sarrus_dynamics::{
 };
 
 use crate::coordinates::Coordinates;
-use crate::error::SimulationError;
+use crate::error::Outcome;
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::{Effect, Springs};
 use crate::motion::elastic::Rotor;
@@ -276,7 +276,7 @@ pub(crate) struct Rates<T: PlanScalar> {
 }
 
 impl<T: PlanScalar> Rates<T> {
-    pub(crate) fn new(model: Model<T>, mechanism: &Mechanism) -> Result<Rates<T>, SimulationError> {
+    pub(crate) fn new(model: Model<T>, mechanism: &Mechanism) -> Outcome<Rates<T>> {
         use Field::*;
         // the guess is a pose of the loops
         let has_loops = mechanism.sizes.n_c > 0;

@@ -20,7 +20,7 @@ use self::setup::Setup;
 use self::simulator::Simulator;
 use self::start::Start;
 use crate::coordinates::largest;
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 
 /// Simulates. `progress` gets the time that has been reached, after each step. Allocates as
 /// samples need it.
@@ -33,7 +33,7 @@ pub fn simulate(
     start: &Start,
     settings: &Settings,
     progress: &mut dyn FnMut(f64),
-) -> Result<Run, SimulationError> {
+) -> Outcome<Run> {
     if setup.compiled.model.sizes().n_vy == 0 {
         return Err(SimulationError::Rigid);
     }

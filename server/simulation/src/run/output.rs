@@ -30,6 +30,22 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// Its numbers, by the names that scripts see.
+    pub const FIGURES: [(&'static str, fn(&Sample) -> f64); 5] = [
+        ("time", |sample| sample.time),
+        ("kinetic", |sample| sample.energy.kinetic),
+        ("potential", |sample| sample.energy.potential),
+        ("work", |sample| sample.work),
+        ("residual", |sample| sample.energy.residual),
+    ];
+    /// Its coordinates and velocities, by the names that scripts see.
+    pub const STATES: [(&'static str, fn(&Sample) -> &[f64]); 4] = [
+        ("y", |sample| &sample.y),
+        ("yd", |sample| &sample.yd),
+        ("q", |sample| &sample.q),
+        ("qd", |sample| &sample.qd),
+    ];
+
     /// The sample of a tree state without its energy; the declared independents stand at these
     /// places in q and q̇.
     pub(crate) fn new(

@@ -1,6 +1,6 @@
 //! By which method, how long, how exactly.
 
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 use crate::methods::Stepper;
 use crate::methods::dop853::Dop853;
 use crate::methods::fixed_step::FixedStep;
@@ -13,48 +13,27 @@ const MOST: f64 = 1e9;
 /// Baumgarte's rates by steps, where none are given.
 const RATE: f64 = 0.1;
 
-/// A method of integration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// Semi-implicit Euler with a fixed step: order 1.
-    Euler,
-    /// The classical method of Runge and Kutta with a fixed step: order 4.
-    RungeKutta,
-    /// Dormand and Prince's explicit method of order 8 with its own step.
-    Dop853,
-    /// Radau's implicit method of order 5 with its own step, for stiff problems.
-    Radau5,
-    /// For comparison: Runge and Kutta's method in all tree coordinates, with Baumgarte's
-    /// stabilisation of the loops.
-    Baumgarte,
-    /// For comparison: the same without stabilisation, projected onto the closed states after each
-    /// step.
-    Projection,
+sarrus_dynamics::named_enum! {
+    /// A method of integration.
+    pub enum Method {
+        /// Semi-implicit Euler with a fixed step: order 1.
+        Euler = "euler",
+        /// The classical method of Runge and Kutta with a fixed step: order 4.
+        RungeKutta = "rk4",
+        /// Dormand and Prince's explicit method of order 8 with its own step.
+        Dop853 = "dop853",
+        /// Radau's implicit method of order 5 with its own step, for stiff problems.
+        Radau5 = "radau5",
+        /// For comparison: Runge and Kutta's method in all tree coordinates, with Baumgarte's
+        /// stabilisation of the loops.
+        Baumgarte = "baumgarte",
+        /// For comparison: the same without stabilisation, projected onto the closed states after
+        /// each step.
+        Projection = "projection",
+    }
 }
 
 impl Method {
-    /// Every method.
-    pub const ALL: [Method; 6] = [
-        Method::Euler,
-        Method::RungeKutta,
-        Method::Dop853,
-        Method::Radau5,
-        Method::Baumgarte,
-        Method::Projection,
-    ];
-
-    /// The name that scripts see.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Method::Euler => "euler",
-            Method::RungeKutta => "rk4",
-            Method::Dop853 => "dop853",
-            Method::Radau5 => "radau5",
-            Method::Baumgarte => "baumgarte",
-            Method::Projection => "projection",
-        }
-    }
-
     /// True where all tree coordinates are integrated, and loops are constraints.
     pub const fn is_implicit_form(self) -> bool {
         matches!(self, Method::Baumgarte | Method::Projection)
@@ -124,7 +103,7 @@ impl Settings {
     }
 
     /// Numbers that can be used.
-    pub(crate) fn check(&self) -> Result<(), SimulationError> {
+    pub(crate) fn check(&self) -> Outcome {
         let check = SimulationError::check_setting;
         check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
         let has_effects = self.friction || self.limited || self.stops.is_some();

@@ -4,7 +4,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Compiled, Model};
 
 use crate::coordinates::{Coordinates, places};
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 use crate::forces::inputs::{Input, OnTree};
 use crate::forces::springs::{Spring, Springs};
 use crate::run::output::Sample;
@@ -31,7 +31,7 @@ impl Setup<'_> {
     pub fn forces<'s>(
         &self,
         samples: impl IntoIterator<Item = &'s Sample>,
-    ) -> Result<Vec<Vec<f64>>, SimulationError> {
+    ) -> Outcome<Vec<Vec<f64>>> {
         let (_, inputs) = self.checked()?;
         let of = |sample: &Sample| {
             let mut tau_q = vec![0.0; self.compiled.model.sizes().n_v];
@@ -44,7 +44,7 @@ impl Setup<'_> {
     }
 
     /// Springs and inputs whose numbers can be used.
-    pub(crate) fn checked(&self) -> Result<(Springs, Vec<OnTree>), SimulationError> {
+    pub(crate) fn checked(&self) -> Outcome<(Springs, Vec<OnTree>)> {
         let model = &self.compiled.model;
         check_springs(self.springs, model)?;
         let tree = Coordinates::of(model.tree_q_names(), model.tree_names());
@@ -67,7 +67,7 @@ impl Setup<'_> {
 }
 
 /// Springs end on links and have constants.
-fn check_springs(springs: &[Spring], model: &Model<f64>) -> Result<(), SimulationError> {
+fn check_springs(springs: &[Spring], model: &Model<f64>) -> Outcome {
     for (k, spring) in springs.iter().enumerate() {
         let fault =
             |found: String, expected| Err(SimulationError::Spring { spring: k, found, expected });

@@ -11,7 +11,7 @@ use super::settings::{Method, Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
 use super::switching::{NEAR, Watch};
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 use crate::methods::{Attempt, Stepper};
 use crate::motion::elastic;
 use crate::motion::energy::{Energy, Meter};
@@ -67,7 +67,7 @@ impl<'a> Simulator<'a> {
         start: &Start,
         settings: &'a Settings,
         stops: Stops,
-    ) -> Result<Simulator<'a>, SimulationError> {
+    ) -> Outcome<Simulator<'a>> {
         let model = &setup.compiled.model;
         let start = start.check(model)?;
         let (springs, inputs) = setup.checked()?;
@@ -112,7 +112,7 @@ impl<'a> Simulator<'a> {
         })
     }
 
-    pub(super) fn run(mut self, progress: &mut dyn FnMut(f64)) -> Result<Run, SimulationError> {
+    pub(super) fn run(mut self, progress: &mut dyn FnMut(f64)) -> Outcome<Run> {
         let end = self.settings.duration;
         let mut sampled = 0;
         self.look(false)?;
@@ -196,7 +196,7 @@ impl<'a> Simulator<'a> {
         before: Option<(f64, Vec<f64>, Anchor)>,
         near: bool,
         sampled: &mut u64,
-    ) -> Result<Kept, SimulationError> {
+    ) -> Outcome<Kept> {
         let Some((t, x, anchor)) = before else { return Ok(Kept::Stays) };
         let contact = self.first_contact(t, &anchor);
         let jumped = contact.is_none() && near && self.engine.jumped(&anchor);
@@ -215,7 +215,7 @@ impl<'a> Simulator<'a> {
 
     /// Samples the rows within the last step, which began at this state; false where one of them
     /// has no answer.
-    fn sample_within(&mut self, from: &Anchor, sampled: &mut u64) -> Result<bool, SimulationError> {
+    fn sample_within(&mut self, from: &Anchor, sampled: &mut u64) -> Outcome<bool> {
         if !self.has_rows_within() || self.settings.sample_after(*sampled) >= self.t {
             return Ok(true);
         }
@@ -240,13 +240,13 @@ impl<'a> Simulator<'a> {
     }
 
     /// True if the time stands still since `before` with any independents.
-    fn stalls(&mut self, before: f64) -> Result<bool, SimulationError> {
+    fn stalls(&mut self, before: f64) -> Outcome<bool> {
         let moves = self.t - before >= MOVED * self.settings.duration;
         Ok(!moves && !self.settings.method.is_fixed() && !self.look(true)?)
     }
 
     /// Samples the end and notes events, counts and independents of the run.
-    fn finish(&mut self) -> Result<(), SimulationError> {
+    fn finish(&mut self) -> Outcome {
         if self.run.last().is_none_or(|sample| sample.time < self.t) {
             self.sample()?;
         }
@@ -340,7 +340,7 @@ impl<'a> Simulator<'a> {
 
     /// Measures the distance to a singularity; switches to other independents if those in use are
     /// near one, and returns whether it did.
-    fn look(&mut self, pressed: bool) -> Result<bool, SimulationError> {
+    fn look(&mut self, pressed: bool) -> Outcome<bool> {
         let Some(watch) = &mut self.watch else { return Ok(false) };
         let close = pressed || self.engine.is_delicate && self.settings.precise;
         let near = watch.distance(&self.engine, &self.x, close);
@@ -368,7 +368,7 @@ impl<'a> Simulator<'a> {
     }
 
     /// Notes the settled state.
-    fn sample(&mut self) -> Result<(), SimulationError> {
+    fn sample(&mut self) -> Outcome {
         let sizes = self.engine.mechanism.sizes;
         let anchor = &self.engine.anchor;
         let y = &self.x[..sizes.n_qy];

@@ -3,7 +3,7 @@
 use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request, Status};
 
 use crate::coordinates::{Coordinates, largest};
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 
 /// Change of a coordinate up to which a given pose counts as closed.
 const CLOSED: f64 = 1e-9;
@@ -43,7 +43,7 @@ pub(crate) struct Checked {
 
 impl Start {
     /// Checks the numbers, and closes a given tree state.
-    pub(crate) fn check(&self, model: &Model<f64>) -> Result<Checked, SimulationError> {
+    pub(crate) fn check(&self, model: &Model<f64>) -> Outcome<Checked> {
         let y_of = Coordinates::of(model.independent_q_names(), model.independent_names());
         let q_of = Coordinates::of(model.tree_q_names(), model.tree_names());
         let pose = |what: &str, numbers: &[f64], names: &[String], of: &Coordinates| {
@@ -74,7 +74,7 @@ impl Start {
 }
 
 /// The closed pose at y, where closures start from their own zero.
-fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, SimulationError> {
+fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Outcome<Vec<f64>> {
     let [given, want] = [Field::Y, Field::Q].map(|field| FieldSet::of(&[field]));
     let query = Query::new(Request::Kinematics, given, want);
     let mut planned = Planned::new(model, &query.with_options(QueryOptions::SEARCH))?;
@@ -87,12 +87,7 @@ fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Result<Vec<f64>, Simulatio
 }
 
 /// The closed state with the independents of a given one.
-fn closed(
-    model: &Model<f64>,
-    q: &[f64],
-    qd: &[f64],
-    tree: &Coordinates,
-) -> Result<Checked, SimulationError> {
+fn closed(model: &Model<f64>, q: &[f64], qd: &[f64], tree: &Coordinates) -> Outcome<Checked> {
     use Field::*;
     let query = Query::new(
         Request::Kinematics,

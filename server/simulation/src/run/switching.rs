@@ -5,7 +5,7 @@ use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status};
 
 use super::events::EventKind;
 use crate::coordinates::{largest, pick, places};
-use crate::error::SimulationError;
+use crate::error::Outcome;
 use crate::motion::engine::Engine;
 
 /// Distance to singularity below which better independents are looked for.
@@ -43,7 +43,7 @@ pub(crate) struct Better {
 
 impl Watch {
     /// A watch over a model, if it has loops at all.
-    pub(crate) fn new(model: &Model<f64>) -> Result<Option<Watch>, SimulationError> {
+    pub(crate) fn new(model: &Model<f64>) -> Outcome<Option<Watch>> {
         use Field::*;
         if model.sizes().n_c == 0 {
             return Ok(None);

@@ -6,7 +6,7 @@ use super::output::{End, Run, Sample};
 use super::settings::{Method, Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
-use crate::error::SimulationError;
+use crate::error::{Outcome, SimulationError};
 use crate::methods::implicit_form::Form;
 use crate::motion::elastic;
 use crate::motion::energy::Meter;
@@ -19,7 +19,7 @@ pub(super) fn run(
     settings: &Settings,
     mut stops: Stops,
     progress: &mut dyn FnMut(f64),
-) -> Result<Run, SimulationError> {
+) -> Outcome<Run> {
     let model = &setup.compiled.model;
     let (springs, inputs) = setup.checked()?;
     if !elastic::rotors(model, setup.description).1.is_empty() {
@@ -86,7 +86,7 @@ fn closed(
     model: &Model<f64>,
     mechanism: &Mechanism,
     start: &Start,
-) -> Result<(Vec<f64>, [f64; 2]), SimulationError> {
+) -> Outcome<(Vec<f64>, [f64; 2])> {
     let checked = start.check(model)?;
     use Field::*;
     let given = FieldSet::of(&[Y, Yd, QGuess]);

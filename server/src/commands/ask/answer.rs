@@ -98,9 +98,7 @@ fn without_limit<'a>(model: &'a ModelInfo, query: &Query) -> Vec<&'a String> {
         query.want.iter().any(|field| field.is_of_motors() && field != Field::SpeedVertices);
     let has = |limit: Option<f64>| limit.is_some_and(|limit| limit > 0.0);
     let is_limited = |name: &&String| {
-        let at = model.tree.iter().position(|joint| joint == *name);
-        let limits = at.and_then(|v| model.limits.get(v).copied().flatten());
-        limits.is_some_and(|limits| {
+        model.limits_of(name).is_some_and(|limits| {
             (has(limits.effort) || !wants_force)
                 && (has(limits.velocity) || !query.want.has(Field::SpeedVertices))
         })

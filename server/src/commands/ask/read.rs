@@ -12,7 +12,7 @@ use sarrus_models::{matching_joints, nearest_first};
 use sarrus_proto::{MAX_DIRECTIONS, TaskParts, Tolerance};
 
 use super::json::{Fault, Value};
-use super::request::{Asked, Given, INPUTS, Output, Problem};
+use super::request::{Asked, Given, INPUTS, Output, Problem, Read};
 use super::tasks::key_of;
 
 /// More than there are keys of a line or names of outputs.
@@ -24,7 +24,7 @@ pub(super) fn read(
     tolerances: [Tolerance; 2],
     model: &ModelInfo,
     line: &str,
-) -> Result<Asked, Problem> {
+) -> Read<Asked> {
     let root = Value::parse(line)?;
     let members =
         root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
@@ -57,20 +57,20 @@ pub(super) fn read(
 }
 
 /// A number from 0 on.
-fn from_zero(name: &str, value: Value<'_>) -> Result<f64, Problem> {
+fn from_zero(name: &str, value: Value<'_>) -> Read<f64> {
     let number = value.number().filter(|x| *x >= 0.0);
     number.ok_or_else(|| value.is_no(&format!("{name} as a number from 0 on")))
 }
 
 /// The axes of frames.
-fn axes(value: Value<'_>) -> Result<Axes, Problem> {
+fn axes(value: Value<'_>) -> Read<Axes> {
     let name = value.string();
     let known = Axes::ALL.iter().copied().find(|axes| Some(axes.name()) == name.as_deref());
     known.ok_or_else(|| value.is_no("axes as \"mixed\", \"world\" or \"local\""))
 }
 
 /// Microseconds from 1 on.
-fn deadline(value: Value<'_>) -> Result<Duration, Problem> {
+fn deadline(value: Value<'_>) -> Read<Duration> {
     let number = value.number().filter(|x| (1.0..=1e9).contains(x) && x.fract() == 0.0);
     let expected = "deadline_us as whole microseconds from 1 to 1000000000";
     number.map(|us| Duration::from_micros(us as u64)).ok_or_else(|| value.is_no(expected))
@@ -105,7 +105,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn member(&mut self, key: Value<'_>, value: Value<'_>) -> Result<(), Problem> {
+    fn member(&mut self, key: Value<'_>, value: Value<'_>) -> Read {
         let name = key.string().ok_or_else(|| key.fault("a key that is no text".to_owned()))?;
         if self.keys.iter().any(|(known, _)| *known == name) {
             return Err(key.fault(format!("`{name}` stands here twice")));
@@ -155,11 +155,7 @@ impl Reader<'_> {
     }
 
     /// The numbers of a field that a request gives.
-    fn given(
-        &mut self,
-        name: &str,
-        value: Value<'_>,
-    ) -> Result<Option<(Field, Vec<f64>)>, Problem> {
+    fn given(&mut self, name: &str, value: Value<'_>) -> Read<Option<(Field, Vec<f64>)>> {
         let sizes = self.model.sizes;
         let n = sizes.n_vy;
         Ok(Some(match name {
@@ -198,12 +194,7 @@ impl Reader<'_> {
     }
 
     /// Adds an option of queries where it is true.
-    fn option(
-        &mut self,
-        name: &str,
-        option: QueryOptions,
-        value: Value<'_>,
-    ) -> Result<(), Problem> {
+    fn option(&mut self, name: &str, option: QueryOptions, value: Value<'_>) -> Read {
         let expected = || value.is_no(&format!("{name} as true or false"));
         if value.boolean().ok_or_else(expected)? {
             self.options = self.options.with(option);
@@ -212,12 +203,7 @@ impl Reader<'_> {
     }
 
     /// A list of `n` finite numbers; another count or a number that is not finite is a doubt.
-    pub(super) fn numbers(
-        &mut self,
-        name: &str,
-        value: Value<'_>,
-        n: usize,
-    ) -> Result<Vec<f64>, Problem> {
+    pub(super) fn numbers(&mut self, name: &str, value: Value<'_>, n: usize) -> Read<Vec<f64>> {
         let expected = format!("{name} as a list of {n} numbers");
         let (numbers, count) = list(value, n, Value::number, &expected)?;
         if let Some((_, item)) = numbers.iter().find(|(number, _)| !number.is_finite()) {
@@ -241,7 +227,7 @@ impl Reader<'_> {
         }
     }
 
-    pub(super) fn links(&self, value: Value<'_>) -> Result<Vec<(String, u16)>, Problem> {
+    pub(super) fn links(&self, value: Value<'_>) -> Read<Vec<(String, u16)>> {
         let mut links: Vec<(String, u16)> = Vec::new();
         let most = self.model.links.len() + 1;
         let (listed, _) = list(value, most, Value::string, "frames as a list of links")?;
@@ -256,7 +242,7 @@ impl Reader<'_> {
     }
 
     /// Joints by names with `*`, `?` and `[…]`.
-    fn read_joints(&self, value: Value<'_>) -> Result<Vec<u16>, Problem> {
+    fn read_joints(&self, value: Value<'_>) -> Read<Vec<u16>> {
         let mut velocities = Vec::new();
         let most = self.model.tree.len().max(MOST);
         let expected = "joints as a list such as [\"AL*\"]";
@@ -285,7 +271,7 @@ impl Reader<'_> {
         Ok(velocities)
     }
 
-    fn read_wrenches(&mut self, value: Value<'_>) -> Result<Vec<(u16, Vec<f64>)>, Problem> {
+    fn read_wrenches(&mut self, value: Value<'_>) -> Read<Vec<(u16, Vec<f64>)>> {
         let expected = "wrenches as an object such as {\"link\": [nx,ny,nz,fx,fy,fz]}";
         let members =
             value.members(self.model.links.len() + 1).ok_or_else(|| value.is_no(expected))?;
@@ -311,7 +297,7 @@ impl Reader<'_> {
         value: Value<'_>,
         count: RangeInclusive<usize>,
         n: usize,
-    ) -> Result<Vec<f64>, Problem> {
+    ) -> Read<Vec<f64>> {
         let mut listed = Vec::new();
         let is_list = value.items(|item| {
             listed.push(item);
@@ -340,7 +326,7 @@ impl Reader<'_> {
         value: Value<'_>,
         expected: &str,
         parts: [(&str, usize); N],
-    ) -> Result<[Vec<f64>; N], Problem> {
+    ) -> Read<[Vec<f64>; N]> {
         let mut lists = parts.map(|(_, n)| vec![0.0; n]);
         for (key, value) in value.members(N).ok_or_else(|| value.is_no(expected))? {
             let name = key.string().unwrap_or_default();
@@ -352,7 +338,7 @@ impl Reader<'_> {
         Ok(lists)
     }
 
-    pub(super) fn link(&self, name: &str, at: Value<'_>) -> Result<u16, Problem> {
+    pub(super) fn link(&self, name: &str, at: Value<'_>) -> Read<u16> {
         let n = self.model.links.len();
         self.model.link(name).ok_or_else(|| {
             let links = nearest_first(name, self.model.links.iter().map(String::as_str), 250);
@@ -364,7 +350,7 @@ impl Reader<'_> {
         })
     }
 
-    fn finish(mut self, root: Value<'_>) -> Result<Asked, Problem> {
+    fn finish(mut self, root: Value<'_>) -> Read<Asked> {
         let request = self.request.ok_or_else(|| {
             root.fault(format!("it names no request, expected \"request\": {}", requests()))
         })?;
@@ -467,7 +453,7 @@ fn refused(
     Fault { offset: offset.unwrap_or(root.offset), words: error.to_string() }.into()
 }
 
-fn named_request(value: Value<'_>) -> Result<Request, Problem> {
+fn named_request(value: Value<'_>) -> Read<Request> {
     let name = value.string().ok_or_else(|| value.is_no(&requests()))?;
     let found = Request::ALL.iter().copied().find(|request| request.name() == name);
     found.ok_or_else(|| {
@@ -491,7 +477,7 @@ fn requests() -> String {
     format!("one of {}", names.join(", "))
 }
 
-fn wants(value: Value<'_>) -> Result<Vec<(Output, usize)>, Problem> {
+fn wants(value: Value<'_>) -> Read<Vec<(Output, usize)>> {
     let mut wants: Vec<(Output, usize)> = Vec::new();
     let (listed, _) = list(value, MOST, Value::string, "want as a list of names")?;
     for (name, item) in listed {
@@ -521,7 +507,7 @@ pub(super) fn list<'a, T>(
     most: usize,
     read: impl Fn(&Value<'a>) -> Option<T>,
     expected: &str,
-) -> Result<(Vec<(T, Value<'a>)>, usize), Problem> {
+) -> Read<(Vec<(T, Value<'a>)>, usize)> {
     let mut items = Vec::new();
     let mut count = 0;
     let mut other = None;

@@ -45,6 +45,9 @@ pub(super) struct Problem {
     pub(super) words: String,
 }
 
+/// Result of reading a line or a part of one.
+pub(super) type Read<T = ()> = Result<T, Problem>;
+
 impl From<Fault> for Problem {
     fn from(Fault { offset, words }: Fault) -> Problem {
         Problem { status: Status::BadRequest, offset, words }

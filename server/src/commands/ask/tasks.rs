@@ -5,7 +5,7 @@ use sarrus_proto::{MAX_FRAMES, TASK_NUMBERS, TaskParts};
 
 use super::json::{Fault, Value};
 use super::read::{Reader, list};
-use super::request::{Given, Problem};
+use super::request::{Given, Problem, Read};
 
 /// A bound that is null is none; numbers that travel are finite.
 const NONE: f64 = f64::MAX;
@@ -25,11 +25,7 @@ pub(super) fn key_of(field: Field) -> &'static str {
 
 impl Reader<'_> {
     /// A member of a request with tasks; false for any other.
-    pub(super) fn task_member(
-        &mut self,
-        key: Value<'_>,
-        value: Value<'_>,
-    ) -> Result<bool, Problem> {
+    pub(super) fn task_member(&mut self, key: Value<'_>, value: Value<'_>) -> Read<bool> {
         let name = key.string().unwrap_or_default();
         let (field, numbers) = match name.as_str() {
             "tasks" => (Field::TaskTarget, self.read_tasks(value)?),
@@ -59,11 +55,7 @@ impl Reader<'_> {
 
     /// Packs the tasks of a request for one step of a motion, with the contacts behind them, and
     /// refuses parts that belong to other requests.
-    pub(super) fn finish_tasks(
-        &mut self,
-        request: Request,
-        root: Value<'_>,
-    ) -> Result<(), Problem> {
+    pub(super) fn finish_tasks(&mut self, request: Request, root: Value<'_>) -> Read {
         let motion = match request {
             Request::DifferentialInverseKinematics => "twist",
             Request::Step => "acc",
@@ -110,7 +102,7 @@ impl Reader<'_> {
     }
 
     /// The packed targets; their frames and parts into the query.
-    fn read_tasks(&mut self, value: Value<'_>) -> Result<Vec<f64>, Problem> {
+    fn read_tasks(&mut self, value: Value<'_>) -> Read<Vec<f64>> {
         let expected = "tasks as a list such as [{\"frame\": \"hand\", \"p\": [0.3, 0, 1]}]";
         let (listed, _) = list(value, MAX_FRAMES + 1, |item| item.members(16), expected)?;
         if listed.is_empty() {
@@ -173,7 +165,7 @@ impl Reader<'_> {
         Ok(packed)
     }
 
-    fn read_bounds(&mut self, key: Value<'_>, value: Value<'_>) -> Result<(), Problem> {
+    fn read_bounds(&mut self, key: Value<'_>, value: Value<'_>) -> Read {
         let expected = "bounds as an object such as {\"y\": [[-1, 1]], \"u\": [[0, null]]}";
         let members = value.members(3).ok_or_else(|| value.is_no(expected))?;
         for (space, value) in members {

@@ -28,9 +28,8 @@ impl Trajectory {
     /// The movement of a model; a joint without limits counts as one from −1 to 1.
     pub(super) fn new(model: &ModelInfo) -> Trajectory {
         let movement = |name: &String| {
-            let index = model.tree.iter().position(|of_tree| of_tree == name);
-            let limits = index.and_then(|index| model.limits.get(index)?.as_ref());
-            let ends = limits.and_then(|limits| Some([limits.lower?, limits.upper?]));
+            let ends =
+                model.limits_of(name).and_then(|limits| Some([limits.lower?, limits.upper?]));
             let [lower, upper] = ends.unwrap_or([-1.0, 1.0]);
             (0.5 * (lower + upper - REACH * (upper - lower)), REACH * (upper - lower))
         };

@@ -145,16 +145,14 @@ impl Report<'_> {
 type Column<'a> = (String, Box<dyn Fn(&Sample) -> f64 + 'a>);
 
 fn columns<'a>(loaded: &'a Loaded, run: &'a Run) -> Vec<Column<'a>> {
-    let model = &loaded.compiled.model;
-    let mut columns: Vec<Column<'a>> = vec![("time".to_owned(), Box::new(|sample| sample.time))];
-    let lists: [(&str, &[String], fn(&Sample) -> &[f64]); 5] = [
-        ("y", model.independent_q_names(), |sample| &sample.y),
-        ("yd", model.independent_names(), |sample| &sample.yd),
-        ("q", model.tree_q_names(), |sample| &sample.q),
-        ("qd", model.tree_names(), |sample| &sample.qd),
-        ("theta", &run.elastic, |sample| &sample.theta),
-    ];
-    for (symbol, names, list) in lists {
+    let info = loaded.compiled.model.info();
+    let names = [&info.independent_q, &info.independent, &info.tree_q, &info.tree, &run.elastic];
+    let theta: fn(&Sample) -> &[f64] = |sample| &sample.theta;
+    let figure =
+        |(name, of): (&str, fn(&Sample) -> f64)| -> Column<'a> { (name.to_owned(), Box::new(of)) };
+    let [time, figures @ ..] = Sample::FIGURES;
+    let mut columns = vec![figure(time)];
+    for ((symbol, list), names) in Sample::STATES.into_iter().chain([("theta", theta)]).zip(names) {
         for (k, name) in names.iter().enumerate() {
             columns.push((
                 format!("{symbol}.{name}"),
@@ -162,15 +160,7 @@ fn columns<'a>(loaded: &'a Loaded, run: &'a Run) -> Vec<Column<'a>> {
             ));
         }
     }
-    let figures: [(&str, fn(&Sample) -> f64); 4] = [
-        ("kinetic", |sample| sample.energy.kinetic),
-        ("potential", |sample| sample.energy.potential),
-        ("work", |sample| sample.work),
-        ("residual", |sample| sample.energy.residual),
-    ];
-    columns.extend(
-        figures.into_iter().map(|(name, of)| -> Column<'a> { (name.to_owned(), Box::new(of)) }),
-    );
+    columns.extend(figures.map(figure));
     columns
 }
 

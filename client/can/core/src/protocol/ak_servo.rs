@@ -162,12 +162,7 @@ impl Drive for AkServo {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: 0.1_f64.to_radians(),
-            velocity: 10.0 * self.speed.abs(),
-            torque: 0.01 * self.constant,
-            ..Setpoint::default()
-        }
+        Setpoint::of_motion(0.1_f64.to_radians(), 10.0 * self.speed.abs(), 0.01 * self.constant)
     }
 
     fn replies(&self) -> Vec<Reply> {

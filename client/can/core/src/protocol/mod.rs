@@ -19,6 +19,7 @@ mod vesc;
 
 use sarrus_models::Diagnostics;
 
+pub use self::mit::Variant as MitVariant;
 use crate::drive::{Drive, Mode};
 pub use crate::settings::{Key, KeyKind, Settings};
 

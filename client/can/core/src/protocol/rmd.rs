@@ -245,12 +245,7 @@ impl Drive for Rmd {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: STEP.to_radians(),
-            velocity: 1_f64.to_radians(),
-            torque: STEP * self.constant,
-            ..Setpoint::default()
-        }
+        Setpoint::of_motion(STEP.to_radians(), 1_f64.to_radians(), STEP * self.constant)
     }
 
     fn replies(&self) -> Vec<Reply> {

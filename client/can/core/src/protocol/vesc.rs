@@ -106,20 +106,6 @@ impl Vesc {
         self.frame(CURRENT, 0)
     }
 
-    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        match self.common.mode {
-            Mode::Torque | Mode::Impedance => self.frame(CURRENT, self.current(setpoint.torque)),
-            Mode::Velocity => {
-                let turns = setpoint.velocity * 60.0 / TAU;
-                self.frame(SPEED, steps(turns * self.pole_pairs, 1.0, i32::MAX))
-            }
-            Mode::Position => {
-                let degrees = setpoint.position.to_degrees().rem_euclid(360.0);
-                self.frame(POSITION, steps(degrees, 1e-6, 360_000_000))
-            }
-        }
-    }
-
     /// The limit of current for its own loops.
     fn limits(&self) -> Option<Frame> {
         if !self.common.mode.has_own_loops() || self.common.torque_limit.is_infinite() {
@@ -150,13 +136,23 @@ impl Drive for Vesc {
                 out.push_some(self.release());
             }
             Action::Ask(setpoint) | Action::Await(setpoint) | Action::Follow(setpoint) => {
-                out.push_some(self.setpoint(&setpoint));
+                self.encode(&setpoint, out);
             }
         }
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        out.push_some(match self.common.mode {
+            Mode::Torque | Mode::Impedance => self.frame(CURRENT, self.current(setpoint.torque)),
+            Mode::Velocity => {
+                let turns = setpoint.velocity * 60.0 / TAU;
+                self.frame(SPEED, steps(turns * self.pole_pairs, 1.0, i32::MAX))
+            }
+            Mode::Position => {
+                let degrees = setpoint.position.to_degrees().rem_euclid(360.0);
+                self.frame(POSITION, steps(degrees, 1e-6, 360_000_000))
+            }
+        });
     }
 
     fn disable(&self, out: &mut FrameQueue) {
@@ -228,12 +224,8 @@ impl Drive for Vesc {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: 0.02_f64.to_radians(),
-            velocity: TAU / 60.0 / self.pole_pairs,
-            torque: 0.1 * self.constant,
-            ..Setpoint::default()
-        }
+        let velocity = TAU / 60.0 / self.pole_pairs;
+        Setpoint::of_motion(0.02_f64.to_radians(), velocity, 0.1 * self.constant)
     }
 
     fn replies(&self) -> Vec<Reply> {

@@ -4,8 +4,8 @@
 use sarrus_proto::{Field, Status};
 
 use crate::closure::{
-    Closure, Level, UNBOUNDED, column_unit, constraint_jacobian, constraint_residual,
-    dependents_range, interpolate, largest_residual,
+    Closure, Level, UNBOUNDED, column_unit, constraint_residual, dependents_range, interpolate,
+    largest_residual,
 };
 use crate::mechanism::{Body, Cluster, Dof};
 use crate::model::Model;
@@ -54,9 +54,7 @@ impl Plan {
         } else {
             last_closed(model, c, ws);
         }
-        residual(cluster, bodies, ws);
-        let q = &ws.q[cluster.coordinates()];
-        constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
+        ws.constraint_jacobian(cluster, bodies);
         if self.wants(Field::SigmaMin) {
             report.sigma_min = dependents_range(cluster, &mut ws.scratch).1;
         }
@@ -83,7 +81,7 @@ impl Plan {
             let cluster = &model.clusters[other];
             if other != c {
                 hold_idle(cluster, ws);
-                if ws.close_from(model, other, DEEPEST, is_cold).status == Status::Ok {
+                if ws.close_from(model, other, DEEPEST, is_cold, false).status == Status::Ok {
                     return true;
                 }
                 last_closed(model, other, ws);
@@ -112,10 +110,7 @@ impl Plan {
         }
         for &c in &model.closed_clusters[..report.closed] {
             let cluster = &model.clusters[c];
-            let bodies = model.bodies_of(cluster);
-            residual(cluster, bodies, ws);
-            let q = &ws.q[cluster.coordinates()];
-            constraint_jacobian(cluster, &ws.scratch.pose, q, &mut ws.scratch.K);
+            ws.constraint_jacobian(cluster, model.bodies_of(cluster));
             let sigma_min = dependents_range(cluster, &mut ws.scratch).1;
             // NaN counts as greater than any number
             least = if sigma_min < least || !least.is_finite() { sigma_min } else { least };
@@ -153,8 +148,9 @@ fn answered<T: Real>(model: &Model<T>, c: usize, ws: &mut Workspace<T>, is_cold:
         let unit = T::from_f64(column_unit(cluster, dof.v));
         most.larger((nearest[dof.q] - ws.step_y[k]).abs() / unit)
     });
-    let ask =
-        |ws: &mut Workspace<T>| ws.close_from(model, c, DEEPEST, is_cold).status == Status::Ok;
+    let ask = |ws: &mut Workspace<T>| {
+        ws.close_from(model, c, DEEPEST, is_cold, false).status == Status::Ok
+    };
     let is_found = ask(ws)
         || T::ZERO.lt(away)
             && (0..AWAY).any(|k| {

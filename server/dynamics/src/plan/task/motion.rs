@@ -268,14 +268,14 @@ impl Program<'_> {
         let dense = self.actuators(search, limits)?;
         let shape = Shape { first, equal, dense, actuators: limits };
         if let Some(row) = self.contradiction(search, N + dense) {
-            self.write_contradiction(search, row, output);
+            self.write_binding(search, shape, Some(row), output);
             return Ok(Status::Infeasible);
         }
         self.set_level(search, 0);
         match solve(search, N, [0, dense], equal) {
             (Optimum::Found, _) => {}
             (Optimum::Contradicts(_), _) => {
-                self.write_active(search, N + dense, equal, output);
+                self.write_binding(search, shape, None, output);
                 return Ok(Status::Infeasible);
             }
             (Optimum::Failed, _) => return Err(Status::NotConverged),
@@ -288,7 +288,7 @@ impl Program<'_> {
             return Err(Status::NonFiniteInput);
         }
         self.write(search, shape, output);
-        self.write_active(search, N + dense, equal, output);
+        self.write_binding(search, shape, None, output);
         Ok(Status::Ok)
     }
 
@@ -566,23 +566,19 @@ impl Program<'_> {
         }
     }
 
-    /// Writes the bounds that the program met, or those that contradict.
-    fn write_active(&self, search: &Search, rows: usize, equal: usize, output: &mut [f64]) {
+    /// Writes the bounds that the program met, or those of a row that contradict.
+    fn write_binding(&self, search: &Search, of: Shape, row: Option<usize>, output: &mut [f64]) {
         let N = self.motion.width;
         let Some(range) = self.plan.want.slot(Field::Binding).map(Slot::range) else { return };
         let out = &mut output[range];
         out.fill(0.0);
-        for row in (0..N).chain(N + equal..rows) {
-            mark(search, row, search.program.side[row], out);
+        let mut mark = |row, side| mark(search, row, side, out);
+        match row {
+            Some(row) => [-1, 1].into_iter().for_each(|side| mark(row, side)),
+            None => (0..N)
+                .chain(N + of.equal..N + of.dense)
+                .for_each(|row| mark(row, search.program.side[row])),
         }
-    }
-
-    fn write_contradiction(&self, search: &Search, row: usize, output: &mut [f64]) {
-        let Some(range) = self.plan.want.slot(Field::Binding).map(Slot::range) else { return };
-        let out = &mut output[range];
-        out.fill(0.0);
-        mark(search, row, -1, out);
-        mark(search, row, 1, out);
     }
 }
 

@@ -192,13 +192,13 @@ impl Way<'_> {
             let dof = &cluster.dofs[of.j];
             let h = QUOTIENT * of.unit;
             dof.advance(&mut ws.q[cluster.q..], h);
-            let closed = ws.close_from(self.model, c, Level::Jacobian, is_cold).status;
+            let closed = ws.close_from(self.model, c, Level::Jacobian, is_cold, false).status;
             if closed == Status::Ok {
                 *x = (sigma_of(self.model, c, ws) - least) / h;
             }
             dof.advance(&mut ws.q[cluster.q..], -h);
         }
-        ws.close_from(self.model, c, Level::Jacobian, is_cold);
+        ws.close_from(self.model, c, Level::Jacobian, is_cold, false);
         least
     }
 

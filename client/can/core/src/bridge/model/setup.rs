@@ -105,13 +105,11 @@ pub(super) fn structure(
 
 /// Limits of each independent; infinite where it has none (n_vy).
 fn independent_ranges(model: &Model) -> Vec<[f64; 2]> {
-    let place_of = |name: &String| model.tree_names().iter().position(|other| other == name);
     model
         .independent_names()
         .iter()
         .map(|name| {
-            let limits =
-                place_of(name).and_then(|row| model.info().limits.get(row).copied().flatten());
+            let limits = model.info().limits_of(name);
             let of = |limit: Option<f64>, otherwise| limit.unwrap_or(otherwise);
             let lower = limits.and_then(|limits| limits.lower);
             let upper = limits.and_then(|limits| limits.upper);
@@ -194,9 +192,7 @@ fn coupled(
     let model = &evaluator.model;
     let query =
         Query::new(Request::InverseDynamics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::MY]));
-    let mut planned = Planned::new(model, &query).ok()?;
-    planned.give(Field::Y, &zero.y);
-    planned.run(model).ok().ok()?;
+    let planned = Planned::answered(model, &query, &[(Field::Y, &zero.y)])?;
     let n = owners.len();
     let depends = |i: usize, j: usize| planned.output[i * n + j] != 0.0;
     let of = |number: usize| {

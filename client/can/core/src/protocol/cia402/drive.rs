@@ -354,12 +354,8 @@ impl Drive for Cia402 {
     }
 
     fn steps(&self) -> Setpoint {
-        Setpoint {
-            position: TAU / self.counts,
-            velocity: TAU / self.velocity_counts,
-            torque: self.desired.rated_torque / 1000.0,
-            ..Setpoint::default()
-        }
+        let torque = self.desired.rated_torque / 1000.0;
+        Setpoint::of_motion(TAU / self.counts, TAU / self.velocity_counts, torque)
     }
 
     fn position_ns(&self) -> Option<u64> {

@@ -119,14 +119,8 @@ impl CyberGear {
         self.frame(kind, self.host, &[low, high, 0, 0, a, b, c, d])
     }
 
-    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
-        let bytes = [position, velocity, stiffness, damping].map(u16::to_be_bytes);
-        self.frame(SETPOINT, u32::from(torque), bytes.as_flattened())
-    }
-
     fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        self.encode(setpoint, out);
         self.coded.alternate();
     }
 
@@ -222,7 +216,9 @@ impl Drive for CyberGear {
     }
 
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
+        let bytes = [position, velocity, stiffness, damping].map(u16::to_be_bytes);
+        out.push_some(self.frame(SETPOINT, u32::from(torque), bytes.as_flattened()));
     }
 
     fn disable(&self, out: &mut FrameQueue) {

@@ -302,12 +302,9 @@ impl Drive for Dbc {
         let step = |reported: Option<&Reported>, unit: f64| {
             reported.map_or(0.0, |reported| reported.named.step() * unit.abs())
         };
-        Setpoint {
-            position: step(Some(&self.position), position_unit),
-            velocity: step(velocity.as_ref(), velocity_unit),
-            torque: step(torque.as_ref(), torque_unit),
-            ..Setpoint::default()
-        }
+        let velocity = step(velocity.as_ref(), velocity_unit);
+        let torque = step(torque.as_ref(), torque_unit);
+        Setpoint::of_motion(step(Some(&self.position), position_unit), velocity, torque)
     }
 
     fn counts(&self) -> bool {

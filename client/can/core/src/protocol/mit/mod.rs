@@ -50,11 +50,7 @@ pub(super) const MIT: Protocol = Protocol {
     modes: &[Mode::Impedance, Mode::Torque],
     fd: false,
     keys: &[
-        Key::word(
-            "variant",
-            &["mini_cheetah", "t_motor", "damiao", "robstride"],
-            "whose MIT mode it is",
-        ),
+        Key::word("variant", &Variant::NAMES, "whose MIT mode it is"),
         Key::integer("id", 1, 0x7FE, "identifier of the motor's commands"),
         Key::integer("reply_id", 0, 0x7FE, "identifier of the motor's replies"),
         range("position_range", "position at the end of the range [rad]"),
@@ -71,12 +67,18 @@ const POWER_OFF: u8 = 0xFD;
 const ZERO: u8 = 0xFE;
 const FORGET_FAULT: u8 = 0xFB;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Variant {
-    MiniCheetah,
-    TMotor,
-    Damiao,
-    RobStride,
+sarrus_proto::named_enum! {
+    /// Whose MIT mode a motor has.
+    pub enum Variant {
+        /// The mini cheetah.
+        MiniCheetah = "mini_cheetah",
+        /// T-Motor.
+        TMotor = "t_motor",
+        /// Damiao.
+        Damiao = "damiao",
+        /// RobStride.
+        RobStride = "robstride",
+    }
 }
 
 /// Replies after which a motor that does not report its state counts as having power: earlier ones
@@ -98,12 +100,7 @@ struct Mit {
 }
 
 fn make(settings: &Settings, common: Common, diagnostics: &mut Diagnostics) -> Made {
-    let variant = match settings.text("variant") {
-        "mini_cheetah" => Variant::MiniCheetah,
-        "t_motor" => Variant::TMotor,
-        "damiao" => Variant::Damiao,
-        _ => Variant::RobStride,
-    };
+    let variant = Variant::ALL.into_iter().find(|of| of.name() == settings.text("variant"))?;
     let id = settings.integer("id") as u16;
     let reply_id = settings.integer("reply_id") as u16;
     if id == reply_id {
@@ -132,24 +129,6 @@ impl Mit {
         Frame::classic(Id::Standard(self.id), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, command])
     }
 
-    /// A set-point in its 8 bytes, never those of a special command.
-    fn setpoint(&self, setpoint: &Setpoint) -> Option<Frame> {
-        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
-        let [p_high, p_low] = position.to_be_bytes();
-        let [v_high, v_low] = (velocity << 4).to_be_bytes();
-        let [k_high, k_low] = stiffness.to_be_bytes();
-        let [d_high, d_low] = (damping << 4).to_be_bytes();
-        let [t_high, t_low] = torque.to_be_bytes();
-        let mut bytes =
-            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
-        match (&mut bytes, self.variant) {
-            ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
-            ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
-            _ => {}
-        }
-        Frame::classic(Id::Standard(self.id), &bytes)
-    }
-
     /// A set-point, special command or request for a register that was sent to this motor.
     fn is_command(&self, frame: &Frame) -> bool {
         let is_request = self.registers.is_some()
@@ -176,7 +155,7 @@ impl Mit {
     }
 
     fn follow(&mut self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        self.encode(setpoint, out);
         self.coded.alternate();
     }
 
@@ -229,8 +208,22 @@ impl Drive for Mit {
         }
     }
 
+    /// A set-point in its 8 bytes, never those of a special command.
     fn encode(&self, setpoint: &Setpoint, out: &mut FrameQueue) {
-        out.push_some(self.setpoint(setpoint));
+        let [position, velocity, stiffness, damping, torque] = self.coded.setpoint(setpoint);
+        let [p_high, p_low] = position.to_be_bytes();
+        let [v_high, v_low] = (velocity << 4).to_be_bytes();
+        let [k_high, k_low] = stiffness.to_be_bytes();
+        let [d_high, d_low] = (damping << 4).to_be_bytes();
+        let [t_high, t_low] = torque.to_be_bytes();
+        let mut bytes =
+            [p_high, p_low, v_high, v_low | k_high, k_low, d_high, d_low | t_high, t_low];
+        match (&mut bytes, self.variant) {
+            ([0xFF, low @ 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, ..], Variant::RobStride) => *low = 0xFE,
+            ([0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last @ 0xFB..=0xFE], _) => *last = 0xFA,
+            _ => {}
+        }
+        out.push_some(Frame::classic(Id::Standard(self.id), &bytes));
     }
 
     fn disable(&self, out: &mut FrameQueue) {
