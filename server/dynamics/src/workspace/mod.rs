@@ -253,8 +253,9 @@ impl<T: Real> Workspace<T> {
         if let Closure::Numerical(numerical) = &model.closures[c] {
             self.bring_start(cluster, numerical);
         }
-        let mut local = Local { from_zero: zero, is_trial, ..self.local(cluster) };
-        let outcome = model.closures[c].close(cluster, model.bodies_of(cluster), &mut local, level);
+        let mut local =
+            Local { from_zero: zero, is_trial, ..self.local(cluster, model.bodies_of(cluster)) };
+        let outcome = model.closures[c].close(&mut local, level);
         if !zero || cluster.windings.leave(local.q) {
             cluster.windings.count(local.start, local.q);
         }

@@ -120,7 +120,7 @@ pub(crate) fn searches(input: &str, n_targets: usize) -> Outcome<Peer> {
     Ok(answered.unwrap_or_else(|why| missing(format!(", {why}"))))
 }
 
-/// What a program answers, or how it ended without answers.
+/// The answers of a program, or how it ended without.
 fn answers(
     command: &mut Command,
     engine: &str,

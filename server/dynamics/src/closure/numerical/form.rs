@@ -99,8 +99,8 @@ impl<T> Formed<T> {
         }
     }
 
-    /// What it asks for of a table: no dependents, as it has all from the independents, or those
-    /// from which it starts; none where the table has all, since Newton's method starts from them.
+    /// Dependents that it asks for of a table: those from which it starts, or no one where it has
+    /// all from the independents; `None` where Newton's method may start from all.
     pub(crate) fn tabled(&self) -> Option<&[Dof]> {
         matches!(self.form, Form::Rods(_) | Form::Chain(_)).then(|| self.seeded())
     }
