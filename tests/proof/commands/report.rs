@@ -60,7 +60,7 @@ fn a_report_of_one_robot_has_the_sections_on_robots() {
     let sections = data["sections"].as_array().unwrap();
     assert!(sections.len() == 1 && sections[0]["name"] == "accuracy", "{data}");
     let figures = sections[0]["figures"].as_array().unwrap();
-    assert!(figures.len() == 5 && data.to_string().contains("accuracy-lambda-fd"), "{data}");
+    assert!(figures.len() == 6 && data.to_string().contains("accuracy-lambda-ik"), "{data}");
 }
 
 #[test]

@@ -169,7 +169,7 @@ fn robot_figures(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test that fails panics")]
+#[allow(clippy::unwrap_used, clippy::panic, reason = "a test that fails panics")]
 mod tests {
     use super::*;
     use crate::page::pareto_front;
@@ -243,6 +243,17 @@ mod tests {
                 "{errors:?}"
             );
         }
+    }
+
+    #[test]
+    fn targets_within_limits_are_found() {
+        let figure = inverse::figure(Subject::Bundled("stewart"), 6, &[]).unwrap().unwrap();
+        let [ours] = &figure.series[..] else { panic!("{:?}", figure.series) };
+        let [point] = &ours.points[..] else { panic!("{ours:?}") };
+        assert!(point.label.ends_with(", 6 of 6 found"), "{point:?}");
+        assert!(point.x > 0.0 && point.y > 0.0 && point.y < 1e-9, "{point:?}");
+        assert!(inverse::figure(Subject::Bundled("lambda"), 6, &[]).unwrap().is_none());
+        assert!(inverse::figure(Subject::Chain(1), 6, &[]).unwrap().is_none());
     }
 
     #[test]

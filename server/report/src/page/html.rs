@@ -216,7 +216,7 @@ fn cells(table: &Table) -> Markup {
             thead { tr { @for column in &table.columns { th { (column) } } } }
             tbody {
                 @for row in table.rows.iter().take(ROWS) {
-                    tr { @for cell in row { td.number[is_number(cell)] { (cell) } } }
+                    tr { @for cell in row { td class=[is_number(cell).then_some("number")] { (cell) } } }
                 }
             }
         }

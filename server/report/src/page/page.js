@@ -94,6 +94,7 @@ function text(svg) {
       if (to.hasAttribute(name)) to.setAttribute(name, style[name]);
     }
   });
+  copy.style.fontFamily = "sans-serif";
   copy.style.background = getComputedStyle(document.body).backgroundColor;
   return new XMLSerializer().serializeToString(copy);
 }

@@ -209,13 +209,36 @@ pub(super) fn sign(series: Option<(usize, bool)>) -> Outcome<String> {
     }
     area.present()?;
     drop(area);
-    Ok(text.replacen("<svg ", "<svg aria-hidden=\"true\" ", 1))
+    Ok(grouped(&text).replacen("<svg ", "<svg aria-hidden=\"true\" ", 1))
+}
+
+/// A picture whose neighbours of one style share it as a group, which takes a quarter less room.
+fn grouped(svg: &str) -> String {
+    let mut text = String::new();
+    let mut open = "";
+    let svg = svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "");
+    for line in svg.lines() {
+        // a tag, its style, and its place
+        let parts = ["<line ", "<polyline ", "<polygon "].into_iter().find_map(|tag| {
+            let rest = line.strip_prefix(tag)?;
+            let place = [" points=", " x1="].into_iter().find_map(|at| rest.find(at))?;
+            Some((tag, &rest[..place], rest[place + 1..].replace(" \"", "\"")))
+        });
+        let style = parts.as_ref().map_or("", |(_, style, _)| style);
+        if style != open {
+            text += if open.is_empty() { "" } else { "</g>" };
+            text += &if style.is_empty() { String::new() } else { format!("<g {style}>") };
+            open = style;
+        }
+        text += &parts.map_or(line.to_owned(), |(tag, _, place)| format!("{tag}{place}"));
+    }
+    text
 }
 
 /// The picture with a name for screen readers.
 fn named(svg: &str, name: &str) -> String {
     let name = maud::html! { (name) }.into_string().replace('"', "&quot;");
-    svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1)
+    grouped(svg).replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1)
 }
 
 /// Style rules that turn the pictures' colours into variables, and the variables of light and of
@@ -270,7 +293,7 @@ mod tests {
                 read.descendants()
                     .filter(|node| {
                         node.has_tag_name(("http://www.w3.org/2000/svg", name))
-                            && node.attribute(attribute) == Some(value)
+                            && node.parent().unwrap().attribute(attribute) == Some(value)
                     })
                     .count()
             };

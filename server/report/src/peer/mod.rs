@@ -312,6 +312,11 @@ mod tests {
                 .iter()
                 .all(|series| series.points[0].y.is_nan())
         );
+        let text_of_ik = "engine inverse kinematics\nrun IK pink 4; stops at 1e-03; 9\n1e-4\nnan\n";
+        let Peer::Measured { runs, .. } = read("", text_of_ik, 2).unwrap() else {
+            panic!("measured")
+        };
+        assert_eq!((runs[0].question, &*runs[0].name), (Question::InverseKinematics, "pink 4"));
         assert!(read("Pinocchio", text, 3).unwrap_err().contains("without numbers"));
         assert!(read("Pinocchio", "", 1).is_err());
     }
