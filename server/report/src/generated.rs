@@ -146,7 +146,7 @@ fn summary(rows: &[Row]) -> String {
         let mut least = f64::INFINITY;
         let mut most = 0.0_f64;
         ratios.for_each(|ratio| (least, most) = (least.min(ratio), most.max(ratio)));
-        (least <= most).then(|| format!("{least:.2} to {most:.1}"))
+        (least <= most).then(|| format!("{least:.2} to {most:.2}"))
     };
     let gains = |question: Question| {
         let gains = &mut rows.iter().filter(|row| row.question == question).filter_map(Row::gain);

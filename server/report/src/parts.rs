@@ -35,7 +35,7 @@ impl Pair {
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) -> Outcome<Section> {
     let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
-    let mut section = Section::new("parts", "What a question does not need");
+    let mut section = Section::new("parts", "Answers that need a part of the robot");
     let mut rows = Vec::new();
     let bundled = || bundled_names().into_iter().map(Subject::Bundled).collect();
     let subjects: Vec<Subject> = own.map_or_else(bundled, |own| vec![own]);

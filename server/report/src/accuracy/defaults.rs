@@ -57,5 +57,5 @@ pub(super) fn sentence(subject: Subject, places: &[DefaultRow]) -> String {
         (_, factor) => format!("{} {factor:.2} times the time of the front", place.question),
     };
     let words: Vec<String> = places.iter().map(word).collect();
-    format!("{}, used without asking: {}", title(subject), words.join(", "))
+    format!("{}, default methods: {}", title(subject), words.join(", "))
 }

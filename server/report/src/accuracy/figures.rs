@@ -36,8 +36,8 @@ pub(super) fn aim(figure: &Figure, question: Question, methods: &[Method]) -> Op
     let fastest = peers.filter(|of| of.y <= EQUAL).map(|of| of.x).min_by(f64::total_cmp);
     let own = |plain| methods.iter().find(|of| of.default && of.question == plain).map(|of| of.ns);
     let (x, name) = match question {
-        InverseDynamics => (fastest? / 8.0, "aim: an eighth of the fastest peer of equal error"),
-        ForwardDynamics => (fastest? / 5.0, "aim: a fifth of the fastest peer of equal error"),
+        InverseDynamics => (fastest? / 8.0, "aim: an eighth of the fastest peer up to 1e-11"),
+        ForwardDynamics => (fastest? / 5.0, "aim: a fifth of the fastest peer up to 1e-11"),
         InverseDerivatives => (3.5 * own(InverseDynamics)?, "aim: 3.5 times inverse dynamics"),
         ForwardDerivatives => (3.5 * own(ForwardDynamics)?, "aim: 3.5 times forward dynamics"),
         _ => return None,
@@ -84,7 +84,7 @@ pub(super) fn figure<'a>(
     let of = if chain_forward {
         "backward error, by how much the forces would have to change"
     } else {
-        "by size, against double-double"
+        "relative, against double-double"
     };
     let implicit = if question == Question::ForwardDynamics {
         format!(" The implicit form closes the loops first; α = β = {} 1/s.", runner::STABILISATION)
@@ -95,9 +95,9 @@ pub(super) fn figure<'a>(
         id: id(robot.subject, question),
         title: format!("{}: {name}", title(robot.subject)),
         caption: format!(
-            "{what}. The largest error of {} states, {of}, over the median of batches that take \
-            turns. Warm: from the closed pose 1 ms earlier; cold: from that at zero. Single \
-            precision takes its inputs rounded.{implicit} An error of zero is drawn at 1e-17.",
+            "{what}. Upwards the largest error of {} random states, {of}; to the right the median \
+            time of a call, of all methods in turn. Warm: from the closed pose 1 ms earlier; cold: \
+            from that at y = 0.{implicit} An error of zero is drawn at 1e-17.",
             robot.states.len()
         ),
         x: Axis::log("time of a call in ns"),

@@ -36,7 +36,7 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
     let Some((_, link, look)) = links_by_bodies(model)?.pop() else { return Ok(None) };
     let hand = &model.link_names()[link];
 
-    let mut looking = Planned::new(model, &Query { want: look.want.with(Field::Q), ..look })?;
+    let mut looking = Planned::new(model, &look)?;
     let mut random = Random(36);
     let mut targets: Vec<Vec<f64>> = Vec::new();
     for _ in 0..TRIES * n {
@@ -49,15 +49,16 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
             break;
         }
     }
-    looking.input = within_limits(model, || START);
-    if targets.len() < n || looking.run(model).status != Status::Ok {
+    let mut start = Planned::new(model, &Query { want: Field::Q.into(), ..look })?;
+    start.input = within_limits(model, || START);
+    if targets.len() < n || start.run(model).status != Status::Ok {
         return Ok(None);
     }
 
     let parts = TaskParts::POSITION.with(TaskParts::ORIENTATION);
     let search = Question::InverseKinematics.query().with_tasks(&[(link as u16, parts)]);
     let mut search = Planned::new(model, &search)?;
-    search.give(Field::YGuess, &looking.input);
+    search.give(Field::YGuess, &start.input);
     let mut looking_exactly = Planned::new(exact, &look)?;
     let mut ns = Vec::new();
     let mut errors = Vec::new();
@@ -85,12 +86,13 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
     };
     add("sarrus".into(), "stops at 1e-9".into(), Samples::new(ns).median(), errors);
     let mut caption = format!(
-        "The pose of {hand} from y at the middle of its limits: {n} poses at random states within \
-        all limits; medians over all searches, found (within {FOUND:.0e}) or not. The error is the \
-        distance from the target or the widest gap of a loop, whichever is larger [m, rad]. A peer \
-        takes at most 100 steps from one start and is called from Python."
+        "Joint positions that bring {hand} to a target: {n} poses of random states within its \
+        limits, each searched from the middle of the limits. Medians over all searches; a target is \
+        found within {FOUND:.0e}. The error is the distance from the target or the widest gap of a \
+        loop, whichever is larger [m, rad]. Peers take at most 100 steps, stop at the given error, \
+        and are called from Python."
     );
-    match of_peers(loaded, hand, looking.get(Field::Q), &targets, stops)? {
+    match of_peers(loaded, hand, start.get(Field::Q), &targets, stops)? {
         Peer::Missing(why) => caption += &format!(" {why}"),
         Peer::Measured { runs, .. } => {
             for run in runs {

@@ -88,6 +88,7 @@ impl End {
         match self {
             End::Usual(label) => label.to_owned(),
             End::Tolerance(tolerance) => format!("tolerance {tolerance:.0e}"),
+            End::Steps(1) => "one step".to_owned(),
             End::Steps(steps) => format!("at most {steps} steps"),
             End::Step(step) => format!("step {step:.0e}"),
         }

@@ -86,14 +86,12 @@ pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) ->
         }
     }
     let worst = section.worst_error.map_or("-".to_owned(), exponent);
-    section
-        .summary
-        .push(format!("largest error of the methods that are used without asking: {worst}"));
+    section.summary.push(format!("largest error of the default methods: {worst}"));
     section.summary.append(&mut places);
     section.summary.append(&mut absent);
     section.tables.push(Table {
         id: "accuracy-defaults".into(),
-        title: "What is used without asking".into(),
+        title: "Default methods".into(),
         caption: "Time and error of the default methods, and the time against the fastest method \
             of the figure that is no less exact."
             .into(),

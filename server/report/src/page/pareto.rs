@@ -94,7 +94,7 @@ fn peers(figure: &Figure) -> String {
         match factors.fold(f64::INFINITY, f64::min) {
             least if least.is_infinite() => sentences.push(format!("{}: no answer", series.name)),
             least if least > 0.0 => sentences
-                .push(format!("{}: {least:.2} times the time at no smaller error", series.name)),
+                .push(format!("{}: {least:.2} times our time at no smaller error", series.name)),
             _ => sentences.push(format!("{}: more exact than all of ours", series.name)),
         }
     }
@@ -150,7 +150,7 @@ mod tests {
             series: vec![ours.clone(), series("Pinocchio FD", &[(400.0, 1e-8)])],
             ..Figure::default()
         };
-        assert_eq!(peers(&slower), "Pinocchio FD: 4.00 times the time at no smaller error");
+        assert_eq!(peers(&slower), "Pinocchio FD: 4.00 times our time at no smaller error");
         let better = Figure {
             series: vec![ours.clone(), series("Pinocchio FD", &[(400.0, 1e-13)])],
             ..Figure::default()
@@ -160,7 +160,7 @@ mod tests {
             series: vec![series("a", &[(100.0, 9e-15)]), series("Pinocchio FD", &[(300.0, 1e-16)])],
             ..Figure::default()
         };
-        assert_eq!(peers(&rounding), "Pinocchio FD: 3.00 times the time at no smaller error");
+        assert_eq!(peers(&rounding), "Pinocchio FD: 3.00 times our time at no smaller error");
         assert_eq!(
             peers(&Figure { series: vec![ours.clone()], ..Figure::default() }),
             "none measured"

@@ -33,9 +33,10 @@ fn count<'a>(cases: impl IntoIterator<Item = &'a Case>, assessment: Assessment) 
     cases.into_iter().filter(|case| case.assessment == assessment).count()
 }
 
-/// The largest error of the cases that held.
+/// The largest error of the cases that held without a warning.
 fn worst_held(cases: &[Case]) -> Option<f64> {
-    let held = cases.iter().filter(|case| case.assessment == Assessment::Held);
+    let is_plain = |case: &&Case| case.assessment == Assessment::Held && case.warnings.is_empty();
+    let held = cases.iter().filter(is_plain);
     held.filter_map(|case| case.error).reduce(f64::max)
 }
 
@@ -67,7 +68,8 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
     if let Some(case) = worst {
         let error = case.error.unwrap_or(f64::NAN);
         lines.push(format!(
-            "The largest error that an answer warns of: {error:.1e}, {} at {} {:.0e}.",
+            "The largest error of an answer with a warning, simulations left out: {error:.1e}, {} at \
+            {} {:.0e}.",
             case.robot, case.family, case.value
         ));
     }
