@@ -1,5 +1,5 @@
-//! Mechanisms whose blocks have closed forms of several kinds, one after the other, against Newton's
-//! method on the same rows.
+//! Mechanisms whose blocks have closed forms of several kinds, one after the other, against
+//! Newton's method on the same rows.
 
 use sarrus_dynamics::description::SubmechanismKind as Kind;
 use sarrus_tests::draft::Draft;

@@ -27,8 +27,8 @@ const START: f64 = 0.55;
 /// Drawn states of which one must be a target.
 const TRIES: usize = 100;
 
-/// The figure of a robot with `n` targets, at which the peers stop at these errors; none for a robot
-/// that is not asked.
+/// The figure of a robot with `n` targets, at which the peers stop at these errors; none for a
+/// robot that is not asked.
 pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Option<Figure>> {
     let is_asked = matches!(subject, Subject::Own(_)) || ROBOTS.contains(&subject.name());
     let Some(loaded) = subject.loaded()?.filter(|_| is_asked) else { return Ok(None) };
@@ -87,8 +87,8 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
     add("sarrus".into(), "stops at 1e-9".into(), Samples::new(ns).median(), errors);
     let mut caption = format!(
         "Joint positions that bring {hand} to a target: {n} poses of random states within its \
-        limits, each searched from the middle of the limits. Medians over all searches; a target is \
-        found within {FOUND:.0e}. The error is the distance from the target or the widest gap of a \
+        limits, each searched from their middle. Medians over all searches; a target is found \
+        within {FOUND:.0e}. The error is the distance from the target or the widest gap of a \
         loop, whichever is larger [m, rad]. Peers take at most 100 steps, stop at the given error, \
         and are called from Python."
     );

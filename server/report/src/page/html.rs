@@ -81,8 +81,8 @@ fn top(report: &Report, pictures: &[Markup]) -> Markup {
     html! {
         header {
             h1 { (TITLE) }
-            p { "A Rust library, beside Pinocchio, MuJoCo, Simbody, Drake and RBDL in dynamics, and \
-                beside pink, mink and placo in inverse kinematics, where these are installed." }
+            p { "A Rust library, in dynamics beside Pinocchio, MuJoCo, Simbody, Drake and RBDL, in \
+                inverse kinematics beside pink, mink and placo, where these are installed." }
             p.soft { code { (report.command) } " on " (report.machine) ", " (report.date) }
             ul.facts {
                 li { b { (report.worst_error().map_or("-".to_owned(), exponent)) } "largest \
@@ -99,8 +99,8 @@ fn top(report: &Report, pictures: &[Markup]) -> Markup {
                     forces; G = ∂q/∂y. Inverse dynamics (ID) finds forces of a motion, forward \
                     dynamics (FD) accelerations of forces." }
                 p { "Errors are relative to the size of the answer, against the same model and \
-                    inputs in double-double, which has 32 digits. Loops are closed by a closed form \
-                    or by Newton's method: warm from the pose 1 ms earlier, cold from the pose at \
+                    inputs in double-double, which has 32 digits. A closed form closes loops, or \
+                    Newton's method: warm from the pose 1 ms earlier, cold from the pose at \
                     y = 0; the loop residual is how far they stay open." }
                 p { "Recursion, projection GᵀMG and KKT are three methods of forward dynamics; the \
                     plan is the compiled list of steps that answers a request. A method is default \
@@ -227,13 +227,13 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
 
 /// Numbers to the right, words to the left.
 fn cells(table: &Table) -> Markup {
-    let is_number = |cell: &str| cell.parse::<f64>().is_ok();
+    let class = |cell: &str| cell.parse::<f64>().is_ok().then_some("number");
     html! {
         table {
             thead { tr { @for column in &table.columns { th { (column) } } } }
             tbody {
                 @for row in table.rows.iter().take(ROWS) {
-                    tr { @for cell in row { td class=[is_number(cell).then_some("number")] { (cell) } } }
+                    tr { @for cell in row { td class=[class(cell)] { (cell) } } }
                 }
             }
         }

@@ -68,8 +68,8 @@ fn summary(cases: &[Case], families: usize) -> Vec<String> {
     if let Some(case) = worst {
         let error = case.error.unwrap_or(f64::NAN);
         lines.push(format!(
-            "The largest error of an answer with a warning, simulations left out: {error:.1e}, {} at \
-            {} {:.0e}.",
+            "The largest error of an answer with a warning, simulations left out: {error:.1e}, {} \
+            at {} {:.0e}.",
             case.robot, case.family, case.value
         ));
     }
