@@ -12,8 +12,9 @@ use crate::Outcome;
 /// The ends of the names of the figures on the first screen.
 const FIRST: [&str; 2] = ["-id", "-fd"];
 const TITLE: &str = "sarrus: robots with closed loops, how exact and how fast";
-/// Most rows of a table on the page; its file has all.
+/// Most rows of a table on the page, and of the data of a figure; their files have all.
 const ROWS: usize = 60;
+const ROWS_OF_DATA: usize = 30;
 
 /// The content security policy: the page loads nothing and runs its own script alone.
 const POLICY: &str = include_str!("policy.txt");
@@ -115,7 +116,7 @@ fn top(report: &Report, pictures: &[Markup]) -> Markup {
                         one of ours with no larger error; errors up to " (exponent(ROUNDING)) " \
                         count as equal."
                     }
-                    div.scroll { (cells(&places)) }
+                    div.scroll { (cells(&places, ROWS)) }
                 }
             }
         }
@@ -156,7 +157,7 @@ fn one(report: &Report, section: &Section, is_first: impl Fn(&Figure) -> bool) -
                     details {
                         summary { "Every case: " (section.cases.len()) }
                         p { a href={ (section.name) "-cases.csv" } { (section.name) "-cases.csv" } }
-                        div.tall { (cells(&result_table(section))) }
+                        div.tall { (cells(&result_table(section), ROWS_OF_DATA)) }
                     }
                 }
                 div.figures { @for figure in &figures { (figure) } }
@@ -164,7 +165,7 @@ fn one(report: &Report, section: &Section, is_first: impl Fn(&Figure) -> bool) -
                     div.table id=(table.id) {
                         h3 { (table.title) }
                         @if !table.caption.is_empty() { p.soft { (table.caption) } }
-                        div.scroll { (cells(table)) }
+                        div.scroll { (cells(table, ROWS)) }
                         p.soft { a href={ (table.id) ".csv" } { (table.id) ".csv" } }
                     }
                 }
@@ -219,24 +220,24 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
             details {
                 summary { "Data: " (all) @if all == 1 { " point" } @else { " points" } }
                 p { a href={ (figure.id) ".csv" } { (figure.id) ".csv" } }
-                div.tall { (cells(&table)) }
+                div.tall { (cells(&table, ROWS_OF_DATA)) }
             }
         }
     })
 }
 
 /// Numbers to the right, words to the left.
-fn cells(table: &Table) -> Markup {
+fn cells(table: &Table, most: usize) -> Markup {
     let class = |cell: &str| cell.parse::<f64>().is_ok().then_some("number");
     html! {
         table {
             thead { tr { @for column in &table.columns { th { (column) } } } }
             tbody {
-                @for row in table.rows.iter().take(ROWS) {
+                @for row in table.rows.iter().take(most) {
                     tr { @for cell in row { td class=[class(cell)] { (cell) } } }
                 }
             }
         }
-        @if table.rows.len() > ROWS { p.soft { "The file has all " (table.rows.len()) " rows." } }
+        @if table.rows.len() > most { p.soft { "The file has all " (table.rows.len()) " rows." } }
     }
 }

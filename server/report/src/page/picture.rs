@@ -45,12 +45,12 @@ pub(super) struct Size {
 
 /// For screens and paper, and for phones.
 pub(super) const WIDE: Size =
-    Size { width: 1440, height: 860, text: 26.0, left: 116, below: 56, mark: 11, ticks: (9, 10) };
+    Size { width: 1440, height: 860, text: 25.0, left: 116, below: 56, mark: 11, ticks: (9, 10) };
 pub(super) const NARROW: Size =
     Size { width: 656, height: 720, text: 25.0, left: 104, below: 52, mark: 10, ticks: (5, 9) };
 
 /// Least distance of marks on a line, so that they distinguish lines without hiding them.
-const MARKS_OF_A_LINE: usize = 24;
+const MARKS_OF_A_LINE: usize = 12;
 /// Most points of a line.
 pub(super) const PARTS_OF_A_LINE: usize = 150;
 
