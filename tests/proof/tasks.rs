@@ -184,16 +184,7 @@ fn at_place(p: [f64; 3]) -> Vec<f64> {
 
 /// y within the model's limits, of which `part` is used.
 pub(crate) fn drawn(model: &Model<f64>, seeded: &mut Seeded, part: f64) -> Vec<f64> {
-    let info = model.info();
-    let of = |name: &String| {
-        let limits = info.tree.iter().position(|of| of == name).and_then(|v| info.limits[v]);
-        let bound = |x: Option<f64>, none: f64| x.unwrap_or(none).clamp(-3.0, 3.0);
-        let lower = bound(limits.and_then(|of| of.lower), -0.6);
-        let upper = bound(limits.and_then(|of| of.upper), 0.6);
-        let half = 0.5 * part * (upper - lower);
-        0.5 * (lower + upper) + seeded.within(-half, half)
-    };
-    info.independent_q.iter().map(of).collect()
+    sarrus_report::robots::within_limits(model, || 0.5 + seeded.within(-0.5 * part, 0.5 * part))
 }
 
 /// Targets that the robot reaches inside all limits, and how many of them are found.

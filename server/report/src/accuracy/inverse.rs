@@ -30,8 +30,7 @@ const TRIES: usize = 100;
 /// The figure of a robot with `n` targets, at which the peers stop at these errors; none for a
 /// robot that is not asked.
 pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Option<Figure>> {
-    let is_asked = matches!(subject, Subject::Own(_)) || ROBOTS.contains(&subject.name());
-    let Some(loaded) = subject.loaded()?.filter(|_| is_asked) else { return Ok(None) };
+    let Some(loaded) = asked(subject)? else { return Ok(None) };
     let Compiled { model, exact, .. } = &loaded.compiled;
     let Some((_, link, look)) = links_by_bodies(model)?.pop() else { return Ok(None) };
     let hand = &model.link_names()[link];
@@ -70,8 +69,8 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
         let answer = search.run(model);
         ns.push(begin.elapsed().as_nanos() as f64);
         looking_exactly.input = search.output.iter().map(|y| Dd::from(*y)).collect();
-        let is_found = answer.status == Status::Ok;
-        let is_found = is_found && looking_exactly.run(exact).status == Status::Ok;
+        let is_found =
+            answer.status == Status::Ok && looking_exactly.run(exact).status == Status::Ok;
         let error = is_found.then(|| away(looking_exactly.get(Field::FramePose), target));
         errors.push(error.unwrap_or(f64::NAN));
     }
@@ -108,6 +107,12 @@ pub(super) fn figure(subject: Subject, n: usize, stops: &[f64]) -> Outcome<Optio
         y: Axis::log("error in m, rad"),
         series,
     }))
+}
+
+/// A robot that is asked, loaded.
+fn asked(subject: Subject) -> Outcome<Option<&'static Loaded>> {
+    let is_asked = matches!(subject, Subject::Own(_)) || ROBOTS.contains(&subject.name());
+    if is_asked { subject.loaded() } else { Ok(None) }
 }
 
 /// Searches of the peers from q to the targets.

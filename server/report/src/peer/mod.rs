@@ -112,7 +112,7 @@ pub fn peer(engine: &str, robot: &Robot, place: usize, seconds: f64) -> Outcome<
 /// Inverse kinematics by the peers that have it, as `benches/peers/ik.py` reads and writes it; the
 /// answer to a target is its error.
 pub(crate) fn searches(input: &str, n_targets: usize) -> Outcome<Peer> {
-    let missing = |why: String| Peer::Missing(format!("pink, mink, PlaCo: not run{why}"));
+    let missing = |why: String| Peer::Missing(format!("pink, mink, placo: not run{why}"));
     let Some(program) = program("ik") else {
         return Ok(missing(format!(", not installed; {BUILD} ik installs them.")));
     };
@@ -191,15 +191,9 @@ fn read(name: &str, text: &str, n_states: usize) -> Result<Peer, String> {
         let head = || {
             let (question, rest) = line.strip_prefix("run ")?.split_once(' ')?;
             let [method, setting, ns] = rest.split("; ").collect::<Vec<_>>().try_into().ok()?;
-            let question = match question {
-                "STATE" => Question::State,
-                "ID" => Question::InverseDynamics,
-                "FD" => Question::ForwardDynamics,
-                "DID" => Question::InverseDerivatives,
-                "DFD" => Question::ForwardDerivatives,
-                "IK" => Question::InverseKinematics,
-                _ => return None,
-            };
+            let all = Question::CHOSEN.into_iter().chain(Question::DERIVATIVES);
+            let mut all = all.chain([Question::InverseKinematics]);
+            let question = all.find(|of| of.name().to_uppercase() == question)?;
             let name = format!("{name} {method}").trim_start().to_owned();
             Some(Run {
                 question,

@@ -145,7 +145,7 @@ pub fn packed(plan: &Plan, state: &State, variant: usize) -> Vec<f64> {
 pub fn within_limits(model: &Model, mut place: impl FnMut() -> f64) -> Vec<f64> {
     let info = model.info();
     let of = |name: &String| {
-        let limits = info.tree.iter().position(|of| of == name).and_then(|v| info.limits[v]);
+        let limits = info.limits_of(name);
         let bound = |x: Option<f64>, none: f64| x.unwrap_or(none).clamp(-3.0, 3.0);
         let lower = bound(limits.and_then(|of| of.lower), -0.6);
         let upper = bound(limits.and_then(|of| of.upper), 0.6);
