@@ -1,8 +1,8 @@
 //! Fixed tendons and actuators: which coordinates are driven, with which force at most.
 //!
-//! A tendon that is driven, or that has a spring, damping or a range, becomes a joint of its own
-//! without mass, which follows the joints of the tendon: its coordinate is the tendon's length less
-//! that in the file's pose.
+//! A tendon that is driven, that has a spring, damping or a range, or whose length others follow
+//! along a curve, becomes a joint of its own without mass, which follows the joints of the tendon:
+//! its coordinate is the tendon's length less that in the file's pose.
 
 use sarrus_dynamics::description::Terms;
 
@@ -15,6 +15,9 @@ use crate::report::{Diagnostics, Span, quoted};
 /// A fixed tendon.
 pub(super) struct Tendon {
     pub(super) name: String,
+    /// The joint that it becomes where it acts, and whether others follow that.
+    pub(super) joint: String,
+    pub(super) leads: bool,
     span: Span,
     /// Joints and their coefficients.
     pub(super) terms: Vec<(String, f64)>,
@@ -37,7 +40,7 @@ pub(super) fn tendons<'e>(
     tree: &Tree,
     diagnostics: &mut Diagnostics,
 ) -> Vec<Tendon> {
-    let mut tendons = Vec::new();
+    let mut tendons: Vec<Tendon> = Vec::new();
     for element in root.all("tendon").flat_map(|of| &of.children) {
         let item = classes.item(element, &["tendon"], None, diagnostics);
         let name = item.text("name").unwrap_or_default().to_owned();
@@ -76,8 +79,17 @@ pub(super) fn tendons<'e>(
         let rest = rest.first().copied().filter(|of| *of != -1.0).unwrap_or(at_zero);
         let range = compiler.range(&item, "range", "limited", diagnostics);
         let effort = compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", diagnostics);
+        let mut joint = name.clone();
+        while joint.is_empty()
+            || tree.joint(&joint).is_some()
+            || tendons.iter().any(|of| of.joint == joint)
+        {
+            joint.push_str("tendon");
+        }
         tendons.push(Tendon {
             name,
+            joint,
+            leads: false,
             span: item.span(),
             terms,
             dynamics: Terms {
@@ -167,22 +179,18 @@ fn limit(item: &Item<'_>, compiler: &Compiler, diagnostics: &mut Diagnostics) ->
 /// Turns the tendons that act into joints without mass.
 pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &mut Diagnostics) {
     for tendon in tendons {
-        let Tendon { name, span, terms, dynamics, range, effort, drive } = tendon;
+        let Tendon { joint, leads, span, terms, dynamics, range, effort, drive, .. } = tendon;
         let acts = dynamics.stiffness != 0.0
             || dynamics.damping != 0.0
             || dynamics.rotor_inertia != 0.0
             || range.is_some();
-        if !(acts || drive.is_some()) || terms.is_empty() {
+        if !(acts || leads || drive.is_some()) || terms.is_empty() {
             continue;
         }
-        let mut unique = name;
-        while unique.is_empty() || tree.joint(&unique).is_some() {
-            unique.push_str("tendon");
-        }
-        let found = format!("the tendon {} becomes a joint without mass", quoted(&unique));
+        let found = format!("the tendon {} becomes a joint without mass", quoted(&joint));
         let help = "it follows the joints of the tendon";
         diagnostics.note(span, found, help);
-        let body = tree.add_body(format!("{unique}/tendon"), span);
+        let body = tree.add_body(format!("{joint}/tendon"), span);
         tree.add_joint(Joint {
             body,
             range,
@@ -190,7 +198,7 @@ pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &m
             terms: dynamics,
             coupling: Some((terms, 0.0)),
             drive,
-            ..Joint::new(unique, span, Kind::Slide)
+            ..Joint::new(joint, span, Kind::Slide)
         });
     }
 }

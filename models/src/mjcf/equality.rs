@@ -23,7 +23,7 @@ pub(crate) struct Cut {
 pub(super) struct Equalities<'e, 'd> {
     pub(super) classes: &'e Classes<'e>,
     pub(super) tree: &'d mut Tree,
-    pub(super) tendons: &'d [Tendon],
+    pub(super) tendons: &'d mut [Tendon],
     pub(super) diagnostics: &'d mut Diagnostics,
     pub(super) cuts: Vec<Cut>,
 }
@@ -137,25 +137,6 @@ impl<'e> Equalities<'e, '_> {
         Some(())
     }
 
-    /// first = Σ c_k second^k of two joints, in coordinates that are zero in the file's pose.
-    fn bend(&mut self, item: &Item<'_>, name: &str, coefficients: Vec<f64>) -> Option<()> {
-        let [follower, master] = ["joint1", "joint2"].map(|key| {
-            let terms = self.terms(item, key)?;
-            self.tree.joint(&terms.first()?.0)
-        });
-        let of = self.tree.joints.get(master?)?.name.clone();
-        let joint = self.tree.joints.get_mut(follower?)?;
-        if joint.coupling.is_none() && joint.held.is_none() && joint.name != of {
-            joint.coupling = Some((Vec::new(), 0.0));
-            joint.curve = Some((of, coefficients));
-            return Some(());
-        }
-        let found = format!("the first joint of the coupling {} follows others", quoted(name));
-        let help = "remove one of the couplings";
-        self.diagnostics.dynamics(item.span(), found, "one that is free", help);
-        None
-    }
-
     /// The terms of the joint or the tendon that an attribute names.
     fn terms(&mut self, item: &Item<'_>, name: &str) -> Option<Vec<(String, f64)>> {
         let written = item.text(name).unwrap_or_default();
@@ -172,26 +153,34 @@ impl<'e> Equalities<'e, '_> {
         found
     }
 
-    /// first = a + b second, in coordinates that are zero in the file's pose: one joint follows the
-    /// others, the first one that follows none yet.
-    fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
-        let written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
-        if written.iter().skip(2).any(|of| *of != 0.0) {
-            if item.tag() == "joint" && item.has("joint2") {
-                return self.bend(item, name, written);
+    /// The coordinate that an attribute names: of a joint, or of one that has a tendon's length.
+    fn coordinate(&mut self, item: &Item<'_>, name: &str) -> Option<String> {
+        let terms = self.terms(item, name)?;
+        let written = item.text(name).unwrap_or_default();
+        match self.tendons.iter_mut().find(|of| item.tag() == "tendon" && of.name == written) {
+            None => Some(terms.first()?.0.clone()),
+            Some(tendon) => {
+                tendon.leads = true;
+                Some(tendon.joint.clone())
             }
-            let found = format!("the coupling {} is a polynomial of lengths", quoted(name));
-            let help = "write a polynomial of degree 1, or couple two joints";
-            self.diagnostics.dynamics(item.at("polycoef"), found, "a straight line", help);
-            return None;
         }
-        let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
+    }
+
+    /// first = Σ c_k second^k, in coordinates that are zero in the file's pose: one joint follows
+    /// the others, the first one that follows none yet.
+    fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
         let [first, second] = [1, 2].map(|k| format!("{}{k}", item.tag()));
-        let mut terms = self.terms(item, &first)?;
-        let slope = if item.has(&second) { self.terms(item, &second)? } else { Vec::new() };
+        let has_second = item.has(&second);
+        let mut written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
+        let bends = has_second && written.iter().skip(2).any(|of| *of != 0.0);
+        let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
         let [constant, factor] = [number(0, 0.0), number(1, 1.0)];
-        terms.extend(slope.into_iter().map(|(joint, of)| (joint, -factor * of)));
-        // Σ terms = constant
+        let mut terms = self.terms(item, &first)?;
+        let of_second = if has_second { self.terms(item, &second)? } else { Vec::new() };
+        let leads = |joint: &str| bends && of_second.iter().any(|(of, _)| of == joint);
+        let slope = if bends { 0.0 } else { -factor };
+        terms.extend(of_second.iter().map(|(joint, of)| (joint.clone(), slope * of)));
+        // Σ terms = constant, or the polynomial
         let mut sums: Vec<(String, f64)> = Vec::new();
         for (joint, of) in terms.into_iter().filter(|(_, of)| *of != 0.0) {
             match sums.iter_mut().find(|(known, _)| *known == joint) {
@@ -200,9 +189,9 @@ impl<'e> Equalities<'e, '_> {
             }
         }
         let is_free = |(joint, of): &(String, f64)| {
-            let joint = self.tree.joint(joint).and_then(|j| self.tree.joints.get(j));
-            *of != 0.0
-                && joint.is_some_and(|joint| joint.coupling.is_none() && joint.held.is_none())
+            let free = self.tree.joint(joint).and_then(|j| self.tree.joints.get(j));
+            let free = free.is_some_and(|of| of.coupling.is_none() && of.held.is_none());
+            free && *of != 0.0 && !leads(joint)
         };
         let Some(follower) = sums.iter().position(is_free) else {
             let found = format!("each joint of the coupling {} follows others", quoted(name));
@@ -211,14 +200,17 @@ impl<'e> Equalities<'e, '_> {
             return None;
         };
         let (joint, divisor) = sums.remove(follower);
+        let curve = if bends { Some(self.coordinate(item, &second)?) } else { None };
         let j = self.tree.joint(&joint)?;
         let joint = self.tree.joints.get_mut(j)?;
-        let offset = constant / divisor;
-        if sums.is_empty() {
+        let offset = if bends { 0.0 } else { constant / divisor };
+        if sums.is_empty() && !bends {
             joint.held = Some(offset);
         } else {
             let masters = sums.into_iter().map(|(joint, of)| (joint, -of / divisor)).collect();
             joint.coupling = Some((masters, offset));
+            written.iter_mut().for_each(|of| *of /= divisor);
+            joint.curve = curve.map(|of| (of, written));
         }
         Some(())
     }

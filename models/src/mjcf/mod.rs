@@ -70,7 +70,7 @@ pub(crate) fn convert(
         Equalities {
             classes: &classes,
             tree: &mut tree,
-            tendons: &tendons,
+            tendons: &mut tendons,
             diagnostics,
             cuts: Vec::new(),
         }

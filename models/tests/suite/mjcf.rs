@@ -155,7 +155,16 @@ fn agrees(name: &str) {
                 continue;
             }
             let gap = |i: usize| {
-                let own = picked(&own[i * width..(i + 1) * width]);
+                // a row by a tendon's length is one by its joints
+                let mut own = own[i * width..(i + 1) * width].to_vec();
+                for (tendon, terms) in tendons {
+                    let factor = own[info.tree.iter().position(|of| of == tendon).unwrap()];
+                    for (joint, of) in terms.as_object().unwrap() {
+                        let j = info.tree.iter().position(|of| of == joint).unwrap();
+                        own[j] += factor * of.as_f64().unwrap();
+                    }
+                }
+                let own = picked(&own);
                 // a coupling's row is that of the joint which follows
                 let is_coupling = info.loops[i].ends_with("/coupling");
                 let factor = if is_coupling { size(&wanted) / size(&own) } else { 1.0 };
@@ -201,6 +210,11 @@ fn a_knee_of_polynomials_agrees_with_mujoco() {
     agrees("knee");
 }
 
+#[test]
+fn tendons_that_follow_each_other_along_polynomials_agree_with_mujoco() {
+    agrees("tendons");
+}
+
 /// A model of one body with these parts around it.
 fn model(before: &str, body: &str, behind: &str) -> String {
     format!(
@@ -230,7 +244,7 @@ fn a_part_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() 
     let tendon =
         "<tendon><spatial name=\"t\" stiffness=\"3\"><site site=\"s\"/></spatial></tendon>";
     let curve = "<tendon><fixed name=\"f\"><joint joint=\"j\" coef=\"1\"/></fixed>\
-        <fixed name=\"s\"><joint joint=\"k\" coef=\"1\"/></fixed></tendon>\
+        <fixed name=\"s\"><joint joint=\"j\" coef=\"2\"/></fixed></tendon>\
         <equality><tendon tendon1=\"f\" tendon2=\"s\" polycoef=\"0 1 2\"/></equality>";
     let bend = "<joint joint1=\"j\" joint2=\"k\" polycoef=\"0 1 2\"/>";
     let bends = format!("<equality>{bend}{bend}</equality>");
@@ -239,8 +253,8 @@ fn a_part_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() 
     let medium = "<option density=\"1.2\"/>";
     for (text, words) in [
         (model("", BALL, tendon), "the spatial tendon `t` with a spring"),
-        (model("", second, curve), "is a polynomial of lengths"),
-        (model("", second, &bends), "the first joint of the coupling"),
+        (model("", BALL, curve), "each joint of the coupling"),
+        (model("", second, &bends), "each joint of the coupling"),
         (model("", BALL, site), "the actuator `m` drives no hinge"),
         (model(medium, BALL, ""), "`density` of a medium is not modelled"),
         (model("<option><flag gravity=\"disable\"/></option>", BALL, ""), "`gravity` is disabled"),

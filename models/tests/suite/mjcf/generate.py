@@ -32,6 +32,11 @@ MODELS = {
     ),
     "tied": ("a d crank arm", [], {}),
     "knee": ("hip knee", [], {}),
+    "tendons": (
+        "wrist a b d",
+        [],
+        {"finger": {"a": 0.5, "b": 0.3}, "thumb": {"c": 1.0, "d": -0.4}},
+    ),
 }
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 AMPLITUDES = [0.0, 0.05, 0.12]
