@@ -54,6 +54,13 @@ pub(crate) struct Local<'a, T> {
     pub(crate) scratch: &'a mut Scratch<T>,
 }
 
+impl<T: Real> Local<'_, T> {
+    /// Poses of all local bodies, with cosines and sines.
+    pub(in crate::closure) fn pose(&mut self) {
+        local_poses(self.cluster, self.bodies, self.q, self.cos_sin, &mut self.scratch.pose);
+    }
+}
+
 /// Scratch for the largest cluster.
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<T> {

@@ -7,12 +7,13 @@
 //!
 //! # Holding joints still
 //! [`locked`] holds joints at positions. In a mechanism of several joints (a cluster) all joints
-//! that lose their freedom are held, each where the loops close on the whole robot's path from its
-//! zero pose: the same assembly. If freedoms remain, the mechanism keeps the rows of its loops in
-//! their frames, and coordinates keep their meaning; so at its zero pose, where the remaining
-//! independents are 0, other joints may not be ([`Description::zero_pose`]). Its actuators stay,
-//! even if they then outnumber its independents: inverse dynamics shares forces among them by least
-//! norm.
+//! that lose their freedom are held, each where the loops close on the straight path from the zero
+//! pose to the locked positions, all other independents at 0. A path of other independents to the
+//! same positions leads to the same assembly where no singular pose lies between the two paths. If
+//! freedoms remain, the mechanism keeps the rows of its loops in their frames, and coordinates keep
+//! their meaning; so at its zero pose, where the remaining independents are 0, other joints may not
+//! be ([`Description::zero_pose`]). Its actuators stay, even if they then outnumber its
+//! independents: inverse dynamics shares forces among them by least norm.
 //!
 //! A held independent joint removes its own coordinate. For any other joint one of the independents
 //! of its mechanism that moves with it becomes dependent: the last one with at least 0.3 of the

@@ -2,12 +2,13 @@
 
 use nalgebra::Vector3;
 
-use crate::closure::Local;
+use crate::closure::constraint::rates::rate_of;
 use crate::closure::constraint::rows::{CutState, place};
 use crate::closure::numerical::elimination::Elimination;
 use crate::closure::numerical::inverse::{
     ANY, Inverted, ROOTS, accurate, inverse_square_sines, invert,
 };
+use crate::closure::{Level, Local, Rate};
 use crate::mechanism::{Cut, Dof, single_pose};
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Pose, zero};
@@ -107,6 +108,57 @@ macro_rules! by_width {
     };
 }
 pub(super) use by_width;
+
+impl Blocks {
+    /// The levels below the position at the closed pose: G, q̇, then g; where they mean something.
+    #[inline]
+    pub(in crate::closure) fn rates<T: Real>(
+        &self,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> bool {
+        let &mut Local { cluster, bodies, .. } = local;
+        let m = cluster.n_vy;
+        for (k, &j) in cluster.independent.iter().enumerate() {
+            for other in 0..m {
+                local.G[j * m + other] = T::ZERO;
+            }
+            local.G[j * m + k] = T::ONE;
+            local.g[j] = T::ZERO;
+        }
+        // G block by block: G_d = −K_d⁻¹ K_i
+        let mut good = true;
+        let Blocks { blocks, on_way, .. } = self;
+        for (b, block) in blocks.iter().enumerate() {
+            let (sound, own) = block.jacobian(local, level);
+            block.multiply_gain(b, own, &mut local.scratch.gain);
+            good &= sound;
+        }
+        if level == Level::Jacobian {
+            return good;
+        }
+        for block in blocks {
+            for &Dof { v: j, .. } in &block.unknowns {
+                let mut qd = T::ZERO;
+                for (k, &i) in cluster.independent.iter().enumerate() {
+                    qd = local.G[j * m + k].mul_add(local.qd[i], qd);
+                }
+                local.qd[j] = qd;
+            }
+        }
+        if level >= Level::Acceleration {
+            let scratch = &mut *local.scratch;
+            scratch.rate[0] = Rate::at_rest();
+            for &j in on_way {
+                rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
+            }
+            for block in blocks {
+                block.bias(local);
+            }
+        }
+        good
+    }
+}
 
 impl Block {
     /// Estimate of the operations of one Newton step: poses, residual, Jacobian, inverse and step;

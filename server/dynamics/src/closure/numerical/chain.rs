@@ -2,7 +2,7 @@
 //! before it found for its independents. The rows of the blocks give the levels below the position.
 
 use crate::closure::constraint::rows::place;
-use crate::closure::numerical::Numerical;
+use crate::closure::numerical::block::Blocks;
 use crate::closure::{Form, Level, Local, Validity};
 use crate::mechanism::{Body, Cluster, turn};
 use crate::scalar::{Real, constants};
@@ -13,15 +13,14 @@ use crate::spatial::Pose;
 pub(crate) struct Chain<T> {
     /// One for each block.
     pub(crate) parts: Vec<BlockForm<T>>,
-    /// The rows.
-    pub(crate) rows: Numerical<T>,
+    /// Their rows.
+    pub(crate) rows: Blocks,
     /// The independent joints that turn, as places of cosine and sine and of the coordinate.
     pub(crate) given: Vec<(usize, usize)>,
 }
 
 constants! { Chain:
-    keep given;
-    map rows;
+    keep rows given;
     each parts;
 }
 
@@ -48,7 +47,7 @@ impl<T: Real> Chain<T> {
         local.scratch.choice = 0;
         turn(&self.given, local.q, local.cos_sin);
         let mut validity = Validity::fine();
-        for (b, (block, part)) in self.rows.choices[0].blocks.iter().zip(&self.parts).enumerate() {
+        for (b, (block, part)) in self.rows.blocks.iter().zip(&self.parts).enumerate() {
             let of_part = part.close(local);
             block.multiply_gain(b, of_part.gain, &mut local.scratch.gain);
             validity = validity.or(Validity { gain: local.scratch.gain[b], ..of_part });

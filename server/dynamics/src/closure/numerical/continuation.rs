@@ -20,6 +20,8 @@ const TRIALS: u32 = 32;
 /// First and shortest substep, as fractions of the whole path.
 const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
+/// Parts of a path at whose ends a pose of the table is looked for.
+const PARTS: u32 = 16;
 /// Deviation of a step from its tangent, as part of the sine that vanishes where assemblies meet.
 const STRAIGHT: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
@@ -39,7 +41,7 @@ const LOST: f64 = 1e-3;
 const DOUBTFUL: f64 = 10.0;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening
-/// doubtful substeps.
+/// doubtful substeps. A path from the zero pose starts where it leaves the table.
 pub(in crate::closure) fn follow<T: Real>(
     numerical: &Numerical<T>,
     local: &mut Local<'_, T>,
@@ -50,23 +52,25 @@ pub(in crate::closure) fn follow<T: Real>(
     for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
     }
-    local.q.copy_from_slice(local.start);
-    local.scratch.last[..n].copy_from_slice(local.start);
-    // a guess that is not quite closed is closed first, at its own y
-    numerical.settle(local);
-    let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
-    iterations += count;
-    if !closed {
+    let mut at = leave_table(numerical, local);
+    if at == 0.0 {
+        // a guess that is not quite closed is closed first, at its own y
         local.q.copy_from_slice(local.start);
-        local.scratch.goal[..n].copy_from_slice(local.start);
-        return Outcome::failed(stalled(local), iterations);
+        local.scratch.last[..n].copy_from_slice(local.start);
+        numerical.settle(local);
+        let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
+        iterations += count;
+        if !closed {
+            local.q.copy_from_slice(local.start);
+            local.scratch.goal[..n].copy_from_slice(local.start);
+            return Outcome::failed(stalled(local), iterations);
+        }
     }
     local.scratch.last[..n].copy_from_slice(local.q);
-    numerical.remember(local);
+    numerical.settle(local);
     let mut leads_on = leads_on_from(numerical, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
-    let mut at = 0.0;
-    let mut step = FIRST;
+    let mut step = FIRST - at;
     let mut attempts = 0;
     let mut failed = false;
     let mut open = T::ZERO;
@@ -119,6 +123,22 @@ pub(in crate::closure) fn follow<T: Real>(
     Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
 }
 
+/// The last part of the path on which the table has closed poses, with the pose in `local.q`; 0
+/// where it has none.
+fn leave_table<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) -> f64 {
+    let Some(seeds) = numerical.seeds.as_deref().filter(|_| local.from_zero) else { return 0.0 };
+    let shares = (1..PARTS).rev().map(|k| k as f64 / PARTS as f64);
+    for share in shares {
+        let goal = &local.scratch.goal;
+        interpolate(local.cluster, local.start, goal, T::from_f64(share), local.q);
+        if seeds.cell(local.start, local.q).is_some() {
+            let outcome = numerical.close_in_table(seeds, local, Level::Position);
+            return if outcome.is_some_and(|of| of.status == Status::Ok) { share } else { 0.0 };
+        }
+    }
+    0.0
+}
+
 /// Leaves the given independents with the dependents of the last closed pose, and that pose in
 /// `goal`, where diagnostics read it.
 fn leave_at_last<T: Real>(local: &mut Local<'_, T>) {
@@ -140,7 +160,7 @@ fn leads_on_from<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) ->
     }
     let blocks = &numerical.chosen(local.scratch).blocks;
     local.scratch.spend(blocks.iter().map(|block| block.work).sum());
-    numerical.rates(local, Level::Jacobian)
+    numerical.chosen(local.scratch).rates(local, Level::Jacobian)
 }
 
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to

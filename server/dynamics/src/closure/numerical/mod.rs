@@ -26,14 +26,13 @@ use std::sync::Arc;
 
 use sarrus_proto::Status;
 
-use crate::closure::constraint::rates::rate_of;
-use crate::closure::constraint::rows::{local_poses, place};
+use crate::closure::constraint::rows::place;
 use crate::closure::numerical::block::Blocks;
 use crate::closure::numerical::newton::{CAUTION, Start};
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
-use crate::closure::{Level, Local, Outcome, Rate, Scratch};
-use crate::mechanism::{Dof, Motion, turn_some};
+use crate::closure::{Level, Local, Outcome, Scratch};
+use crate::mechanism::{Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
 
@@ -136,8 +135,7 @@ impl<T: Real> Numerical<T> {
 
     /// Sets the reach of attempts from the zero pose, which is in `local.q`.
     pub(crate) fn set_reach(&mut self, local: &mut Local<'_, T>) {
-        let &mut Local { cluster, bodies, .. } = local;
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         let blocks = self.choices[0].blocks.iter().filter(|block| !block.couples);
         let near = blocks.map(|block| block.near(local)).fold(T::ONE, T::larger).to_f64();
         if near.is_finite() {
@@ -167,11 +165,10 @@ impl<T: Real> Numerical<T> {
     /// Takes the choice of rows that is farthest from a singular pose at the closed pose in
     /// `local.q`.
     fn choose(&self, local: &mut Local<'_, T>) {
-        let &mut Local { cluster, bodies, .. } = local;
         if self.choices.len() == 1 {
             return;
         }
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         let mut least = T::from_f64(f64::INFINITY);
         let mut best = 0;
         for (k, choice) in self.choices.iter().enumerate() {
@@ -237,61 +234,15 @@ impl<T: Real> Numerical<T> {
     /// Notes the branch of the closed pose in `local.q`, of the blocks whose first step would not
     /// show it.
     pub(in crate::closure) fn remember(&self, local: &mut Local<'_, T>) {
-        let &mut Local { cluster, bodies, .. } = local;
         let blocks = &self.chosen(local.scratch).blocks;
         if !blocks.iter().any(|block| block.remember) {
             return;
         }
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         for (b, block) in blocks.iter().enumerate().filter(|(_, block)| block.remember) {
             local.scratch.spend(block.work);
             local.scratch.branch[b] = block.determinant(local);
         }
-    }
-
-    /// The levels below the position at the closed pose: G, q̇, then g; where they mean something.
-    #[inline]
-    pub(in crate::closure) fn rates(&self, local: &mut Local<'_, T>, level: Level) -> bool {
-        let &mut Local { cluster, bodies, .. } = local;
-        let m = cluster.n_vy;
-        for (k, &j) in cluster.independent.iter().enumerate() {
-            for other in 0..m {
-                local.G[j * m + other] = T::ZERO;
-            }
-            local.G[j * m + k] = T::ONE;
-            local.g[j] = T::ZERO;
-        }
-        // G block by block: G_d = −K_d⁻¹ K_i
-        let mut good = true;
-        let Blocks { blocks, on_way, .. } = self.chosen(local.scratch);
-        for (b, block) in blocks.iter().enumerate() {
-            let (sound, own) = block.jacobian(local, level);
-            block.multiply_gain(b, own, &mut local.scratch.gain);
-            good &= sound;
-        }
-        if level == Level::Jacobian {
-            return good;
-        }
-        for block in blocks {
-            for &Dof { v: j, .. } in &block.unknowns {
-                let mut qd = T::ZERO;
-                for (k, &i) in cluster.independent.iter().enumerate() {
-                    qd = local.G[j * m + k].mul_add(local.qd[i], qd);
-                }
-                local.qd[j] = qd;
-            }
-        }
-        if level >= Level::Acceleration {
-            let scratch = &mut *local.scratch;
-            scratch.rate[0] = Rate::at_rest();
-            for &j in on_way {
-                rate_of(cluster, bodies, j, local.qd, &scratch.pose, &mut scratch.rate);
-            }
-            for block in blocks {
-                block.bias(local);
-            }
-        }
-        good
     }
 }
 
@@ -306,18 +257,16 @@ impl<T: Real> Numerical<T> {
         if local.from_zero
             && let Some(seeds) = &self.seeds
         {
-            if let Some(outcome) = self.close_in_form(seeds, local, level) {
+            if let Some(outcome) = self.close_in_table(seeds, local, level) {
                 return outcome;
-            }
-            if let Some(outcome) = self.close_from(seeds, local) {
-                return self.differentiate(local, level, outcome);
             }
             for &i in &cluster.dependent_q {
                 local.q[i] = local.start[i];
             }
         }
         let moved = distance(cluster, local.start, local.q);
-        let (good, iterations) = if self.meets || self.is_far(local, moved) {
+        let has_table = local.from_zero && self.seeds.is_some();
+        let (good, iterations) = if self.meets || has_table || self.is_far(local, moved) {
             (false, 0)
         } else {
             self.newton(local, Branches::Unknown, moved)
@@ -333,6 +282,21 @@ impl<T: Real> Numerical<T> {
         } else {
             outcome
         }
+    }
+
+    /// By the form, or by an attempt from a seed, if there is one.
+    #[inline(always)]
+    fn close_in_table(
+        &self,
+        seeds: &Seeds,
+        local: &mut Local<'_, T>,
+        level: Level,
+    ) -> Option<Outcome> {
+        if let Some(outcome) = self.close_in_form(seeds, local, level) {
+            return Some(outcome);
+        }
+        let outcome = self.close_from(seeds, local)?;
+        Some(self.differentiate(local, level, outcome))
     }
 
     /// One attempt from a seed, if there is one.
@@ -364,9 +328,8 @@ impl<T: Real> Numerical<T> {
 
     /// Determinant of each block at the closed pose in `local.q`, into the scratch.
     pub(crate) fn determinants(&self, local: &mut Local<'_, T>) {
-        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.choice = 0;
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         for (b, block) in self.choices[0].blocks.iter().enumerate() {
             local.scratch.branch[b] = block.determinant(local);
         }
@@ -393,7 +356,7 @@ impl<T: Real> Numerical<T> {
         level: Level,
         outcome: Outcome,
     ) -> Outcome {
-        let mut sound = level == Level::Position || self.rates(local, level);
+        let mut sound = level == Level::Position || self.chosen(local.scratch).rates(local, level);
         if self.choices.len() > 1 {
             sound = self.rechosen(local, level, sound);
         }
@@ -423,6 +386,6 @@ impl<T: Real> Numerical<T> {
             return sound;
         }
         self.newton(local, Branches::Unknown, T::ZERO).0
-            && (level == Level::Position || self.rates(local, level))
+            && (level == Level::Position || self.chosen(local.scratch).rates(local, level))
     }
 }

@@ -1,7 +1,6 @@
 //! Newton's method in pieces that do not branch: one step of a block, and the levels below the
 //! position at a closed pose. Generated code takes these steps by itself.
 
-use crate::closure::constraint::rows::local_poses;
 use crate::closure::numerical::Numerical;
 use crate::closure::numerical::inverse::ANY;
 use crate::closure::{Level, Local};
@@ -13,10 +12,10 @@ impl<T: Real> Numerical<T> {
     /// the size of the step, the residual before it, the determinant, and 1/sin²α of
     /// the trust region of [`super::newton`].
     pub(crate) fn one_step(&self, b: usize, local: &mut Local<'_, T>) -> [T; 4] {
-        let &mut Local { cluster, bodies, .. } = local;
+        let cluster = local.cluster;
         let block = &self.choices[0].blocks[b];
         let m = block.unknowns.len();
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         let residual = block.evaluate::<T, ANY>(local, true);
         let scratch = &mut *local.scratch;
         if m <= 3 {
@@ -38,13 +37,12 @@ impl<T: Real> Numerical<T> {
     /// G, q̇ and g at the closed pose in `local.q` by the first choice of rows: whether they mean
     /// something, and the gain of their roundings.
     pub(crate) fn rates_at(&self, local: &mut Local<'_, T>, level: Level) -> (bool, T) {
-        let &mut Local { cluster, bodies, .. } = local;
         local.scratch.choice = 0;
-        local_poses(cluster, bodies, local.q, local.cos_sin, &mut local.scratch.pose);
+        local.pose();
         if level == Level::Position {
             return (true, T::ONE);
         }
-        let sound = self.rates(local, level);
+        let sound = self.choices[0].rates(local, level);
         (sound, self.gain(local))
     }
 }

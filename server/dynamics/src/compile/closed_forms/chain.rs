@@ -18,7 +18,7 @@ pub(super) fn read(of: &Reading<'_>, rows: &Numerical<Dd>, rounding: f64) -> Opt
     let turns = |j: &&usize| of.bodies[**j].motion == Motion::Revolute;
     Some(Chain {
         parts: parts.collect::<Option<_>>()?,
-        rows: rows.clone(),
+        rows: blocks.clone(),
         given: cluster.independent.iter().filter(turns).map(|j| (*j, *j)).collect(),
     })
 }
