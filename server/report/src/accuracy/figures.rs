@@ -97,7 +97,7 @@ pub(super) fn figure<'a>(
         caption: format!(
             "{what}. Upwards the largest error of {} random states, {of}; to the right the median \
             time of a call, of all methods in turn. Warm: from the closed pose 1 ms earlier; cold: \
-            from that at y = 0.{implicit} An error of zero is drawn at 1e-17.",
+            from that at y = 0.{implicit}",
             robot.states.len()
         ),
         x: Axis::log("time of a call in ns"),

@@ -49,8 +49,7 @@ pub(super) fn energy(effort: &Effort) -> Outcome<(Figure, String)> {
         id: "integration-energy".into(),
         title: format!("Energy of a lambda that swings freely, {steps} steps of 1 ms"),
         caption: "Change of the energy since the start as a share of the largest kinetic energy. \
-            The methods with their own step have a tolerance of 1e-11. A change of exactly zero is \
-            drawn at 1e-17."
+            The methods with their own step have a tolerance of 1e-11."
             .into(),
         x: Axis::log("time simulated, s"),
         y: Axis::log("relative change of energy"),

@@ -100,9 +100,9 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
     }
 
     // a value published to more digits is the reference
-    let (reference, known_to) = match &problem.known {
-        Some(known) if known.to < agreement => (known.end.clone(), known.to),
-        _ => (found.clone(), agreement),
+    let (reference, of, known_to) = match &problem.known {
+        Some(known) if known.to < agreement => (known.end.clone(), known.from, known.to),
+        _ => (found.clone(), "DOP853 at a tolerance of 1e-13", agreement),
     };
     let longest = LONGEST_RUN[usize::from(effort.quick)];
     let mut series = Vec::new();
@@ -145,8 +145,8 @@ fn work_and_precision(problem: &Problem, effort: &Effort) -> Outcome<(Figure, Ro
         title: problem.title.into(),
         caption: format!(
             "Error of y and ẏ at the end, by size, against the time of one whole simulation. The \
-            reference is known to {}. A series ends where its next point would take more than \
-            {longest} s.",
+            reference is {of}, known to {}. A series ends where its next point would take more \
+            than {longest} s.",
             exponent(known_to)
         ),
         x: Axis::log("time of one simulation, s"),

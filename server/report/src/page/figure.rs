@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Where an error of exactly zero is drawn on a logarithmic axis.
+/// Where an error of exactly zero is drawn on a logarithmic axis, unless smaller ones lie beside.
 pub const DRAWN_FOR_ZERO: f64 = 1e-17;
 
 /// A picture and its data.
@@ -27,7 +27,7 @@ pub struct Figure {
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// Logarithmic; numbers that are not positive are drawn at [`DRAWN_FOR_ZERO`].
+    /// Logarithmic; numbers that are not positive are drawn at its tick 0.
     pub log: bool,
     /// Values of other figures that it spans too.
     #[serde(skip)]

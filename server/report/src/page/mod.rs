@@ -1,7 +1,7 @@
 //! The page: sections of figures, tables and stress cases, written as HTML, JSON and CSV.
 //!
 //! Errors are by size, max |x − reference| / max(|reference| of that quantity, tiny). An error of
-//! exactly zero is drawn at [`DRAWN_FOR_ZERO`].
+//! exactly zero is drawn at [`DRAWN_FOR_ZERO`] or lower, with a tick of its own.
 
 mod data;
 mod figure;

@@ -20,8 +20,8 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// Over these values, with at most about `most` ticks; none without a finite value. `errors`
-    /// have a separate position for zero.
+    /// Over these values, with at most about `most` ticks; none without a finite value. Zero among
+    /// `errors` is at 1e-17, or below the least other one.
     pub(super) fn new(axis: &Axis, errors: bool, values: &[f64], most: usize) -> Option<Scale> {
         let values = values.iter().filter(|x| x.is_finite());
         let mut finite: Vec<f64> = values.copied().collect();
@@ -35,7 +35,7 @@ impl Scale {
             let least = finite.iter().copied().filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min);
             // zero is one decade below the least other value
             let before = if least.is_finite() { least.log10().floor() - 1.0 } else { 0.0 };
-            scale.nothing = if errors { DRAWN_FOR_ZERO.log10() } else { before };
+            scale.nothing = if errors { before.min(DRAWN_FOR_ZERO.log10()) } else { before };
         }
         let places = || finite.iter().map(|x| scale.place(*x));
         let (from, to) =
@@ -43,7 +43,7 @@ impl Scale {
         let margin = if to > from { 0.04 * (to - from) } else { 0.5 };
         (scale.from, scale.to) = (from - margin, to + margin);
         scale.ticks = if axis.log { scale.powers(most) } else { scale.steps(most) };
-        if axis.log && !errors && finite.iter().any(|x| *x <= 0.0) {
+        if axis.log && finite.iter().any(|x| *x <= 0.0) {
             scale.ticks.retain(|(place, _)| *place > scale.nothing + 0.5);
             scale.ticks.insert(0, (scale.nothing, "0".to_owned()));
         }
@@ -179,6 +179,9 @@ mod tests {
         assert_eq!(scale.place(0.0), -1.0);
         let scale = Scale::new(&axis, true, &[0.0, 1e-3], 8).unwrap();
         assert!((scale.place(0.0) + 17.0).abs() < 1e-12);
+        assert_eq!(names(&scale)[0], "0");
+        let scale = Scale::new(&axis, true, &[0.0, 2e-28, 1e-3], 8).unwrap();
+        assert_eq!(scale.place(0.0), -29.0);
     }
 
     #[test]

@@ -231,7 +231,7 @@ fn errors(family: &[Case]) -> Option<Figure> {
         caption: format!(
             "The largest error over {}; at most {HELD:.0e} holds. Not drawn: {failed} of {} cases \
             that ended by a status or a refusal. Drawn above {HELD:.0e}: {degraded} that say so \
-            and {silent} that do not. An error of zero is drawn at 1e-17.",
+            and {silent} that do not.",
             if BY_ROBOT.contains(&name) { "all that is asked" } else { "all robots" },
             family.len()
         ),
