@@ -35,9 +35,13 @@ pub(crate) fn convert(
     };
     let elements = || root_element.children().filter(|of| of.has_tag_name("joint"));
     for joint in motors.iter().chain(joints) {
-        if !elements().any(|of| of.attribute("name") == joint.text()) {
+        let is_it = |of: roxmltree::Node<'_, '_>| {
+            of.attribute("name") == joint.text() && of.has_attribute("type")
+        };
+        if !elements().any(is_it) {
             let found = joint.text().map_or("an entry that is no name".to_owned(), quoted);
-            diagnostics.error(joint.span, found, format!("a joint of {name}"), "correct it");
+            let expected = format!("a joint of {name} with a type");
+            diagnostics.error(joint.span, found, expected, "correct it");
         }
     }
     if kinds.len() > pairs.len() {
@@ -73,8 +77,9 @@ pub(crate) fn convert(
         diagnostics.dynamics(root.span, "a joint of another type", "SPHERICAL", help);
     }
     let is_ball = |name: Option<&str>| joints.iter().any(|of| of.text() == name);
-    for joint in elements().rev().filter(|of| is_ball(of.attribute("name"))) {
-        urdf.replace_range(joint.attribute_node("type")?.range_value(), "spherical");
+    let balls = elements().rev().filter(|of| is_ball(of.attribute("name")));
+    for kind in balls.filter_map(|of| of.attribute_node("type")) {
+        urdf.replace_range(kind.range_value(), "spherical");
     }
     (!diagnostics.has_errors()).then(|| Converted {
         name: root_element.attribute("name").unwrap_or("robot").to_owned(),

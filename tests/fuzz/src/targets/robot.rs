@@ -265,7 +265,7 @@ pub(super) const SDF: Target = Target {
 /// YAML of Gepetto's tools with the URDF beside it, in files of this process.
 pub(super) const GEPETTO: Target = Target {
     name: "gepetto",
-    seeds: corpus!("gepetto/pair.txt"),
+    seeds: corpus!("gepetto/pair.txt", "gepetto/typeless.txt"),
     tokens: &[
         "closed_loop:",
         "[[A, B]]",
