@@ -13,7 +13,7 @@ use crate::closure::{Closure, Formed, Level, Numerical};
 use crate::mechanism::Motion;
 use crate::model::{Model, Scope};
 use crate::plan::diagnostics::digits::larger;
-use crate::plan::run::RunReport;
+use crate::plan::run::{Pass, RunReport};
 use crate::plan::state::hold_idle;
 use crate::plan::{Plan, Space, Steps};
 use crate::scalar::{BranchValue, Real, all_finite};
@@ -292,10 +292,10 @@ impl Plan {
             let at = cluster.coordinates();
             numerical.begin_form(&ws.start[at.clone()], &mut ws.q[at])?;
         }
-        let mut report = RunReport::none();
+        let report = &mut RunReport::none();
         let mut most = 1.0;
         for &c in &self.closed.by_newton {
-            let (gain, _) = self.close_cluster(model, c, ws, input, &mut report).ok()?;
+            let (gain, _) = self.close_cluster(c, Pass { model, ws, input, report }).ok()?;
             // NaN stays
             most = larger(most, gain);
         }

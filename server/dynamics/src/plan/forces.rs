@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::plan::actuation::{to_actuators, to_warn};
 use crate::plan::diagnostics::digits::{ZERO, cancellation};
 use crate::plan::needed::{OF_ACTUATORS, READ_TAU_U};
-use crate::plan::run::RunReport;
+use crate::plan::run::{Pass, RunReport};
 use crate::plan::state::tree_accelerations;
 use crate::scalar::{BranchValue, Real};
 use crate::spatial::zero;
@@ -48,13 +48,8 @@ const ROUNDINGS: f64 = 50.0;
 
 impl Plan {
     /// τ_q = M q̈ + C − Σ Jᵀ w, τ_y = Gᵀ τ_q, τ_u from G_uᵀ τ_u = τ_y.
-    pub(super) fn inverse_dynamics<T: Real>(
-        &self,
-        model: &Model<T>,
-        ws: &mut Workspace<T>,
-        input: &[T],
-        report: &mut RunReport<T>,
-    ) -> Result<(), Status> {
+    pub(super) fn inverse_dynamics<T: Real>(&self, pass: Pass<'_, T>) -> Result<(), Status> {
+        let Pass { model, ws, input, report } = pass;
         let scope = &self.needed.scope;
         if self.wants_any(&NET) {
             self.bias_force(model, ws, input, true);
@@ -90,13 +85,8 @@ impl Plan {
 
     /// ÿ from M_y ÿ + C_y = τ_y, then q̈ = G ÿ + g; without loops tree and independent velocities
     /// are numbered alike.
-    pub(super) fn forward_dynamics<T: Real>(
-        &self,
-        model: &Model<T>,
-        ws: &mut Workspace<T>,
-        input: &[T],
-        report: &mut RunReport<T>,
-    ) -> Result<(), Status> {
+    pub(super) fn forward_dynamics<T: Real>(&self, pass: Pass<'_, T>) -> Result<(), Status> {
+        let Pass { model, ws, input, report } = pass;
         if model.is_massless {
             return Err(Status::MassNotPositive);
         }
@@ -297,13 +287,8 @@ impl Plan {
     }
 
     /// Forces from one space to the others at the closed state.
-    pub(super) fn map_forces<T: Real>(
-        &self,
-        model: &Model<T>,
-        ws: &mut Workspace<T>,
-        input: &[T],
-        report: &mut RunReport<T>,
-    ) -> Result<(), Status> {
+    pub(super) fn map_forces<T: Real>(&self, pass: Pass<'_, T>) -> Result<(), Status> {
+        let Pass { model, ws, input, report } = pass;
         if self.wants_any(&[Field::TauY, Field::TauU, Field::TauUnactuated]) || self.reads_forces()
         {
             ws.tau_terms.fill(T::ZERO);
@@ -365,13 +350,8 @@ impl Plan {
     }
 
     /// τ_y of the given forces less gravity, springs, dampers, friction and wrenches.
-    pub(super) fn known_forces<T: Real>(
-        &self,
-        model: &Model<T>,
-        ws: &mut Workspace<T>,
-        input: &[T],
-        report: &mut RunReport<T>,
-    ) {
+    pub(super) fn known_forces<T: Real>(&self, pass: Pass<'_, T>) -> Result<(), Status> {
+        let Pass { model, ws, input, report } = pass;
         self.tree_forces(model, ws, input, (true, true, true));
         for damper in &model.terms.dampers {
             ws.tau_q[damper.v] = damper.damping.mul_add(ws.qd[damper.v], ws.tau_q[damper.v]);
@@ -381,6 +361,7 @@ impl Plan {
         self.bias_of_tree(model, ws);
         report.doubt.times(self.given_forces(model, ws, input));
         ws.tau_y.iter_mut().zip(&ws.C_y).for_each(|(tau, C)| *tau -= *C);
+        Ok(())
     }
 
     /// τ += F tanh(q̇ / v₀) + d q̇, where it is asked.

@@ -10,6 +10,14 @@ use crate::plan::{Answer, Plan, Space};
 use crate::scalar::{Dd, Dual, Real, all_finite};
 use crate::workspace::Workspace;
 
+/// A request on its way: the robot, its numbers, and what it has found.
+pub(super) struct Pass<'a, T: Real> {
+    pub(super) model: &'a Model<T>,
+    pub(super) ws: &'a mut Workspace<T>,
+    pub(super) input: &'a [T],
+    pub(super) report: &'a mut RunReport<T>,
+}
+
 /// Results of a run other than the numbers in the workspace.
 pub(super) struct RunReport<T> {
     pub(super) status: Status,
@@ -217,7 +225,7 @@ impl Plan {
         }
         ws.scratch.left = ws.budget(self.searches());
         self.set_state(model, ws, input)?;
-        self.close_state::<T, CLOSED>(model, ws, input, closed, report)?;
+        self.close_state::<T, CLOSED>(Pass { model, ws, input, report }, closed)?;
         if self.steps.derivatives {
             // near a singular pose they lose as much more as g does against G
             let more = report.doubt.factor.cbrt();
@@ -233,14 +241,12 @@ impl Plan {
                 &mut ws.motion,
             );
         }
+        let pass = Pass { model, ws, input, report };
         match self.request {
-            Request::InverseDynamics => self.inverse_dynamics(model, ws, input, report),
-            Request::ForwardDynamics => self.forward_dynamics(model, ws, input, report),
-            Request::Map => self.map_forces(model, ws, input, report),
-            Request::Observe if self.steps.observes => {
-                self.known_forces(model, ws, input, report);
-                Ok(())
-            }
+            Request::InverseDynamics => self.inverse_dynamics(pass),
+            Request::ForwardDynamics => self.forward_dynamics(pass),
+            Request::Map => self.map_forces(pass),
+            Request::Observe if self.steps.observes => self.known_forces(pass),
             _ => Ok(()),
         }?;
         // no packet has them

@@ -6,7 +6,7 @@ use crate::closure::{Level, Outcome, column_unit, largest_distance};
 use crate::linalg::solve_sound;
 use crate::mechanism::Cluster;
 use crate::model::{ACTUATOR_STEPS, Model};
-use crate::plan::run::RunReport;
+use crate::plan::run::{Pass, RunReport};
 use crate::plan::{Plan, Space};
 use crate::scalar::Real;
 use crate::workspace::Workspace;
@@ -95,11 +95,8 @@ impl Plan {
     #[inline]
     pub(super) fn close_state<T: Real, const CLOSED: bool>(
         &self,
-        model: &Model<T>,
-        ws: &mut Workspace<T>,
-        input: &[T],
+        Pass { model, ws, input, report }: Pass<'_, T>,
         closed: &[T],
-        report: &mut RunReport<T>,
     ) -> Result<(), Status> {
         if CLOSED {
             let gain = self.closed.restore(model, ws, closed);
@@ -110,7 +107,7 @@ impl Plan {
                 if CLOSED { self.closed.close(model, c, ws, self.steps.level) } else { None };
             let (gain, control) = match known {
                 Some(closed) => (closed?, 1.0),
-                None => self.close_cluster(model, c, ws, input, report)?,
+                None => self.close_cluster(c, Pass { model, ws, input, report })?,
             };
             report.doubt.closure(gain, self.steps.level, control);
             report.closed += 1;
@@ -170,11 +167,8 @@ impl Plan {
     #[inline]
     pub(super) fn close_cluster<T: Real>(
         &self,
-        model: &Model<T>,
         c: usize,
-        ws: &mut Workspace<T>,
-        input: &[T],
-        report: &mut RunReport<T>,
+        Pass { model, ws, input, report }: Pass<'_, T>,
     ) -> Result<(f64, f64), Status> {
         let given =
             |field| self.given.slot(field).map_or(&[] as &[T], |slot: &Slot| &input[slot.range()]);

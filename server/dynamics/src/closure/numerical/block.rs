@@ -120,9 +120,7 @@ impl Blocks {
         let &mut Local { cluster, bodies, .. } = local;
         let m = cluster.n_vy;
         for (k, &j) in cluster.independent.iter().enumerate() {
-            for other in 0..m {
-                local.G[j * m + other] = T::ZERO;
-            }
+            local.G[j * m..(j + 1) * m].fill(T::ZERO);
             local.G[j * m + k] = T::ONE;
             local.g[j] = T::ZERO;
         }

@@ -127,16 +127,14 @@ pub(in crate::closure) fn follow<T: Real>(
 /// where it has none.
 fn leave_table<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) -> f64 {
     let Some(seeds) = numerical.seeds.as_deref().filter(|_| local.from_zero) else { return 0.0 };
-    let shares = (1..PARTS).rev().map(|k| k as f64 / PARTS as f64);
-    for share in shares {
+    let mut shares = (1..PARTS).rev().map(|k| k as f64 / PARTS as f64);
+    let share = shares.find(|share| {
         let goal = &local.scratch.goal;
-        interpolate(local.cluster, local.start, goal, T::from_f64(share), local.q);
-        if seeds.cell(local.start, local.q).is_some() {
-            let outcome = numerical.close_in_table(seeds, local, Level::Position);
-            return if outcome.is_some_and(|of| of.status == Status::Ok) { share } else { 0.0 };
-        }
-    }
-    0.0
+        interpolate(local.cluster, local.start, goal, T::from_f64(*share), local.q);
+        seeds.cell(local.start, local.q).is_some()
+    });
+    let closed = share.and_then(|_| numerical.close_in_table(seeds, local, Level::Position));
+    share.filter(|_| closed.is_some_and(|of| of.status == Status::Ok)).unwrap_or(0.0)
 }
 
 /// Leaves the given independents with the dependents of the last closed pose, and that pose in
@@ -158,9 +156,9 @@ fn leads_on_from<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) ->
     if !numerical.meets {
         return true;
     }
-    let blocks = &numerical.chosen(local.scratch).blocks;
-    local.scratch.spend(blocks.iter().map(|block| block.work).sum());
-    numerical.chosen(local.scratch).rates(local, Level::Jacobian)
+    let blocks = numerical.chosen(local.scratch);
+    local.scratch.spend(blocks.blocks.iter().map(|block| block.work).sum());
+    blocks.rates(local, Level::Jacobian)
 }
 
 /// True where assemblies cannot meet, or the step from `scratch.last` to `local.q` ends so near to

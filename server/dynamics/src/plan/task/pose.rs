@@ -8,7 +8,7 @@ use crate::closure::dependents_range;
 use crate::mechanism::turn;
 use crate::model::Model;
 use crate::plan::Plan;
-use crate::plan::run::RunReport;
+use crate::plan::run::{Pass, RunReport};
 use crate::plan::task::Tasks;
 use crate::plan::task::errors::{Away, Target};
 use crate::workspace::{Search, Workspace};
@@ -84,7 +84,7 @@ impl<'a> Way<'a> {
             None => ws.start.copy_from_slice(&model.zero),
         }
         for &c in &scope.closed {
-            plan.close_cluster(model, c, ws, input, report)?;
+            plan.close_cluster(c, Pass { model, ws, input, report })?;
             report.closed += 1;
         }
         turn(&scope.free, &ws.q, &mut ws.cos_sin);
