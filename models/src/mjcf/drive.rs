@@ -55,13 +55,14 @@ pub(super) fn tendons<'e>(
             continue;
         }
         let mut terms = Vec::new();
-        let mut at_zero = 0.0;
+        let [mut at_zero, mut at_rest] = [0.0; 2];
         for of in element.all("joint").map(Item::plain) {
             let joint = of.text("joint").unwrap_or_default();
             let factor = of.number("coef", diagnostics).unwrap_or(0.0);
             match tree.joint(joint).and_then(|j| tree.joints.get(j)).filter(|of| of.is_single()) {
                 Some(known) => {
                     at_zero += factor * known.reference;
+                    at_rest += factor * known.terms.rest;
                     terms.push((known.name.clone(), factor));
                 }
                 None => {
@@ -70,20 +71,19 @@ pub(super) fn tendons<'e>(
                 }
             }
         }
-        // −1: the length in the file's pose
+        // −1: the length where the springs of its joints are at rest
         let rest = item.list("springlength", 2, diagnostics).unwrap_or_default();
         if linear[0] != 0.0 && matches!(rest[..], [a, b] if a != b) {
             let found = format!("the spring of the tendon {} has a dead band", quoted(&name));
             diagnostics.dynamics(item.at("springlength"), found, "one length", "remove it");
         }
-        let rest = rest.first().copied().filter(|of| *of != -1.0).unwrap_or(at_zero);
+        let rest =
+            rest.first().copied().filter(|of| *of != -1.0).map_or(at_rest, |of| of - at_zero);
         let range = compiler.range(&item, "range", "limited", diagnostics);
         let effort = compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", diagnostics);
         let mut joint = name.clone();
-        while joint.is_empty()
-            || tree.joint(&joint).is_some()
-            || tendons.iter().any(|of| of.joint == joint)
-        {
+        let is_taken = |name: &str| tendons.iter().any(|of| of.joint == name);
+        while joint.is_empty() || tree.joint(&joint).is_some() || is_taken(&joint) {
             joint.push_str("tendon");
         }
         tendons.push(Tendon {
@@ -95,7 +95,7 @@ pub(super) fn tendons<'e>(
             dynamics: Terms {
                 damping: linear[1],
                 stiffness: linear[0],
-                rest: rest - at_zero,
+                rest,
                 rotor_inertia: armature,
                 friction: item.dry_friction(diagnostics),
                 ..Terms::default()
@@ -180,11 +180,9 @@ fn limit(item: &Item<'_>, compiler: &Compiler, diagnostics: &mut Diagnostics) ->
 pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &mut Diagnostics) {
     for tendon in tendons {
         let Tendon { joint, leads, span, terms, dynamics, range, effort, drive, .. } = tendon;
-        let acts = dynamics.stiffness != 0.0
-            || dynamics.damping != 0.0
-            || dynamics.rotor_inertia != 0.0
-            || range.is_some();
-        if !(acts || leads || drive.is_some()) || terms.is_empty() {
+        let is_free = dynamics == Terms { rest: dynamics.rest, ..Terms::default() };
+        let acts = !is_free || leads || range.is_some() || drive.is_some();
+        if !acts || terms.is_empty() {
             continue;
         }
         let found = format!("the tendon {} becomes a joint without mass", quoted(&joint));

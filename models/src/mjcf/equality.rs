@@ -170,7 +170,7 @@ impl<'e> Equalities<'e, '_> {
     /// the others, the first one that follows none yet.
     fn couple(&mut self, item: &Item<'_>, name: &str) -> Option<()> {
         let [first, second] = [1, 2].map(|k| format!("{}{k}", item.tag()));
-        let has_second = item.has(&second);
+        let has_second = item.text(&second).is_some_and(|of| !of.is_empty());
         let mut written = item.list("polycoef", 5, self.diagnostics).unwrap_or_default();
         let bends = has_second && written.iter().skip(2).any(|of| *of != 0.0);
         let number = |k: usize, default: f64| written.get(k).copied().unwrap_or(default);
@@ -194,7 +194,7 @@ impl<'e> Equalities<'e, '_> {
             free && *of != 0.0 && !leads(joint)
         };
         let Some(follower) = sums.iter().position(is_free) else {
-            let found = format!("each joint of the coupling {} follows others", quoted(name));
+            let found = format!("no joint of the coupling {} can follow the others", quoted(name));
             let help = "remove one of the couplings";
             self.diagnostics.dynamics(item.span(), found, "one that is free", help);
             return None;

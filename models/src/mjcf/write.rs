@@ -34,13 +34,21 @@ pub(crate) fn description(name: &str, tree: &Tree, cuts: &[Cut]) -> Description 
         let Some((terms, offset)) = joint.coupling.as_ref().filter(|_| joint.is_single()) else {
             continue;
         };
-        let master = |name: &String| tree.joint(name).and_then(|j| places.get(j).copied());
+        // a joint that is held is a constant
+        let held = |name: &String| tree.joint(name).and_then(|j| tree.joints.get(j)?.held);
+        let master = |name: &String| {
+            tree.joint(name).filter(|_| held(name).is_none()).and_then(|j| places.get(j).copied())
+        };
+        let still = terms.iter().filter_map(|(name, factor)| Some(factor * held(name)?));
+        let bent = joint.curve.iter().filter_map(|(name, of)| Some((held(name)?, of)));
+        let bent = bent.map(|(x, of)| of.iter().rev().fold(0.0, |sum, c| sum * x + c));
+        let offset = offset + still.chain(bent).sum::<f64>();
         let terms = terms.iter().filter_map(|(name, factor)| Some((master(name)?, *factor)));
         let curve = |(name, of): &(String, Vec<f64>)| {
             Some((master(name)?, Curve::Polynomial { about: 0.0, coefficients: of.clone() }))
         };
         let curves = Vec::from_iter(joint.curve.as_ref().and_then(curve));
-        let coupling = Coupling { terms: terms.collect(), offset: *offset, curves };
+        let coupling = Coupling { terms: terms.collect(), offset, curves };
         if let Some(written) = of.joints.get_mut(*at) {
             written.coupling = Some(coupling);
         }
@@ -141,7 +149,7 @@ fn submechanisms(name: &str, of: &Writer<'_>, places: &[usize], cuts: &[Cut]) ->
         if let Some((terms, _)) = &joint.coupling {
             let names = terms.iter().map(|(name, _)| name);
             let names = names.chain(joint.curve.iter().map(|(name, _)| name));
-            let masters = names.filter_map(|name| tree.joint(name));
+            let masters = names.filter_map(|name| tree.joint(name)).filter(&moves);
             tie(&mut groups, (masters.chain([j]).collect(), Vec::new()));
         }
     }

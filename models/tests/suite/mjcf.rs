@@ -253,8 +253,8 @@ fn a_part_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() 
     let medium = "<option density=\"1.2\"/>";
     for (text, words) in [
         (model("", BALL, tendon), "the spatial tendon `t` with a spring"),
-        (model("", BALL, curve), "each joint of the coupling"),
-        (model("", second, &bends), "each joint of the coupling"),
+        (model("", BALL, curve), "no joint of the coupling"),
+        (model("", second, &bends), "no joint of the coupling"),
         (model("", BALL, site), "the actuator `m` drives no hinge"),
         (model(medium, BALL, ""), "`density` of a medium is not modelled"),
         (model("<option><flag gravity=\"disable\"/></option>", BALL, ""), "`gravity` is disabled"),

@@ -35,7 +35,7 @@ MODELS = {
     "tendons": (
         "wrist a b d",
         [],
-        {"finger": {"a": 0.5, "b": 0.3}, "thumb": {"c": 1.0, "d": -0.4}},
+        {"finger": {"a": 0.5, "b": 0.3, "f": 0.2}, "thumb": {"c": 1.0, "d": -0.4}},
     ),
 }
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
