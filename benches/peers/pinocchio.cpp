@@ -471,7 +471,7 @@ int main() {
         methods.push_back({name, [&states, call](size_t k) mutable { call(states[k]); },
             answer.data(), static_cast<size_t>(answer.size())});
     };
-    for (const char* text : {"1e-3", "1e-6", "1e-9", "1e-12"}) {
+    for (const char* text : {"1e-3", "1e-6", "1e-9", "1e-12", "1e-14"}) {
         const double tolerance = std::atof(text);
         const std::string setting = std::string("; tolerance ") + text;
         add("STATE Newton and G" + setting, q, [&, tolerance](const State& state) {
