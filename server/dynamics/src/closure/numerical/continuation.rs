@@ -17,8 +17,7 @@ use crate::scalar::Real;
 const ATTEMPTS: u32 = 300;
 /// The same on the way to a trial pose, of which the next one is nearer.
 const TRIALS: u32 = 32;
-/// First and shortest substep, as fractions of the whole path.
-const FIRST: f64 = 1.0;
+/// Shortest substep, as a fraction of the whole path.
 const SHORTEST: f64 = 1e-12;
 /// Parts of a path at whose ends a pose of the table is looked for.
 const PARTS: u32 = 16;
@@ -70,7 +69,7 @@ pub(in crate::closure) fn follow<T: Real>(
     numerical.settle(local);
     let mut leads_on = leads_on_from(numerical, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
-    let mut step = FIRST - at;
+    let mut step = 1.0 - at;
     let mut attempts = 0;
     let mut failed = false;
     let mut open = T::ZERO;
@@ -126,7 +125,9 @@ pub(in crate::closure) fn follow<T: Real>(
 /// The last part of the path on which the table has closed poses, with the pose in `local.q`; 0
 /// where it has none.
 fn leave_table<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) -> f64 {
-    let Some(seeds) = numerical.seeds.as_deref().filter(|_| local.from_zero) else { return 0.0 };
+    // of redundant rows that disagree, the choice at each step decides about the pose
+    let is_clear = local.from_zero && numerical.choices.len() == 1;
+    let Some(seeds) = numerical.seeds.as_deref().filter(|_| is_clear) else { return 0.0 };
     let mut shares = (1..PARTS).rev().map(|k| k as f64 / PARTS as f64);
     let share = shares.find(|share| {
         let goal = &local.scratch.goal;

@@ -265,7 +265,7 @@ impl<T: Real> Numerical<T> {
             }
         }
         let moved = distance(cluster, local.start, local.q);
-        let has_table = local.from_zero && self.seeds.is_some();
+        let has_table = local.from_zero && self.seeds.is_some() && self.choices.len() == 1;
         let (good, iterations) = if self.meets || has_table || self.is_far(local, moved) {
             (false, 0)
         } else {
