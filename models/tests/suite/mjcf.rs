@@ -127,7 +127,8 @@ fn agrees(name: &str) {
         for (tendon, terms) in tendons {
             let force = tau_q[info.tree.iter().position(|of| of == tendon).unwrap()];
             for (joint, factor) in terms.as_object().unwrap() {
-                let j = info.tree.iter().position(|of| of == joint).unwrap();
+                // one that is held has none
+                let Some(j) = info.tree.iter().position(|of| of == joint) else { continue };
                 tau_q[j] += force * factor.as_f64().unwrap();
             }
         }
@@ -160,8 +161,9 @@ fn agrees(name: &str) {
                 for (tendon, terms) in tendons {
                     let factor = own[info.tree.iter().position(|of| of == tendon).unwrap()];
                     for (joint, of) in terms.as_object().unwrap() {
-                        let j = info.tree.iter().position(|of| of == joint).unwrap();
-                        own[j] += factor * of.as_f64().unwrap();
+                        if let Some(j) = info.tree.iter().position(|of| of == joint) {
+                            own[j] += factor * of.as_f64().unwrap();
+                        }
                     }
                 }
                 let own = picked(&own);
