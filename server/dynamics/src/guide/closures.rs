@@ -235,8 +235,7 @@
 //! These forms answer a request without a guess at a pose to which the straight path from the zero
 //! pose is known to be regular: loading has compared them with Newton's method at every node of a
 //! table of such poses. Elsewhere, from a guess, and with another end of Newton's method, that
-//! answers on the declared rows, without a guess from where the path leaves the table; K, k and λ
-//! are always those of these.
+//! answers on the declared rows; K, k and λ are always those of these.
 //!
 //! # 6UPS
 //!

@@ -169,8 +169,8 @@ fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let turned = |(x, y): &(i32, i32)| ((x - y) * 7 / 10, (x + y) * 7 / 10);
     match (series + 3 * (series / COLOURS.len())) % 8 {
         0 => vec![
-            (0..16)
-                .map(|k| (f64::from(k) * core::f64::consts::PI / 8.0).sin_cos())
+            (0..12)
+                .map(|k| (f64::from(k) * core::f64::consts::PI / 6.0).sin_cos())
                 .map(|(a, b)| [a, b].map(|x| (f64::from(r) * x).round() as i32))
                 .map(|[a, b]| (a, b))
                 .collect(),

@@ -17,10 +17,9 @@ use crate::scalar::Real;
 const ATTEMPTS: u32 = 300;
 /// The same on the way to a trial pose, of which the next one is nearer.
 const TRIALS: u32 = 32;
-/// Shortest substep, as a fraction of the whole path.
+/// First and shortest substep, as fractions of the whole path.
+const FIRST: f64 = 1.0;
 const SHORTEST: f64 = 1e-12;
-/// Parts of a path at whose ends a pose of the table is looked for.
-const PARTS: u32 = 16;
 /// Deviation of a step from its tangent, as part of the sine that vanishes where assemblies meet.
 const STRAIGHT: f64 = 0.5;
 /// Levenberg-Marquardt steps towards a goal that the path did not reach.
@@ -40,7 +39,7 @@ const LOST: f64 = 1e-3;
 const DOUBTFUL: f64 = 10.0;
 
 /// Follows the straight path from `local.start` to the independents in `local.q`, shortening
-/// doubtful substeps. A path from the zero pose starts where it leaves the table.
+/// doubtful substeps.
 pub(in crate::closure) fn follow<T: Real>(
     numerical: &Numerical<T>,
     local: &mut Local<'_, T>,
@@ -51,25 +50,23 @@ pub(in crate::closure) fn follow<T: Real>(
     for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
     }
-    let mut at = leave_table(numerical, local);
-    if at == 0.0 {
-        // a guess that is not quite closed is closed first, at its own y
+    local.q.copy_from_slice(local.start);
+    local.scratch.last[..n].copy_from_slice(local.start);
+    // a guess that is not quite closed is closed first, at its own y
+    numerical.settle(local);
+    let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
+    iterations += count;
+    if !closed {
         local.q.copy_from_slice(local.start);
-        local.scratch.last[..n].copy_from_slice(local.start);
-        numerical.settle(local);
-        let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
-        iterations += count;
-        if !closed {
-            local.q.copy_from_slice(local.start);
-            local.scratch.goal[..n].copy_from_slice(local.start);
-            return Outcome::failed(stalled(local), iterations);
-        }
+        local.scratch.goal[..n].copy_from_slice(local.start);
+        return Outcome::failed(stalled(local), iterations);
     }
     local.scratch.last[..n].copy_from_slice(local.q);
-    numerical.settle(local);
+    numerical.remember(local);
     let mut leads_on = leads_on_from(numerical, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
-    let mut step = 1.0 - at;
+    let mut at = 0.0;
+    let mut step = FIRST;
     let mut attempts = 0;
     let mut failed = false;
     let mut open = T::ZERO;
@@ -120,22 +117,6 @@ pub(in crate::closure) fn follow<T: Real>(
         }
     }
     Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
-}
-
-/// The last part of the path on which the table has closed poses, with the pose in `local.q`; 0
-/// where it has none.
-fn leave_table<T: Real>(numerical: &Numerical<T>, local: &mut Local<'_, T>) -> f64 {
-    // of redundant rows that disagree, the choice at each step decides about the pose
-    let is_clear = local.from_zero && numerical.choices.len() == 1;
-    let Some(seeds) = numerical.seeds.as_deref().filter(|_| is_clear) else { return 0.0 };
-    let mut shares = (1..PARTS).rev().map(|k| k as f64 / PARTS as f64);
-    let share = shares.find(|share| {
-        let goal = &local.scratch.goal;
-        interpolate(local.cluster, local.start, goal, T::from_f64(*share), local.q);
-        seeds.cell(local.start, local.q).is_some()
-    });
-    let closed = share.and_then(|_| numerical.close_in_table(seeds, local, Level::Position));
-    share.filter(|_| closed.is_some_and(|of| of.status == Status::Ok)).unwrap_or(0.0)
 }
 
 /// Leaves the given independents with the dependents of the last closed pose, and that pose in

@@ -257,16 +257,18 @@ impl<T: Real> Numerical<T> {
         if local.from_zero
             && let Some(seeds) = &self.seeds
         {
-            if let Some(outcome) = self.close_in_table(seeds, local, level) {
+            if let Some(outcome) = self.close_in_form(seeds, local, level) {
                 return outcome;
+            }
+            if let Some(outcome) = self.close_from(seeds, local) {
+                return self.differentiate(local, level, outcome);
             }
             for &i in &cluster.dependent_q {
                 local.q[i] = local.start[i];
             }
         }
         let moved = distance(cluster, local.start, local.q);
-        let has_table = local.from_zero && self.seeds.is_some() && self.choices.len() == 1;
-        let (good, iterations) = if self.meets || has_table || self.is_far(local, moved) {
+        let (good, iterations) = if self.meets || self.is_far(local, moved) {
             (false, 0)
         } else {
             self.newton(local, Branches::Unknown, moved)
@@ -282,21 +284,6 @@ impl<T: Real> Numerical<T> {
         } else {
             outcome
         }
-    }
-
-    /// By the form, or by an attempt from a seed, if there is one.
-    #[inline(always)]
-    fn close_in_table(
-        &self,
-        seeds: &Seeds,
-        local: &mut Local<'_, T>,
-        level: Level,
-    ) -> Option<Outcome> {
-        if let Some(outcome) = self.close_in_form(seeds, local, level) {
-            return Some(outcome);
-        }
-        let outcome = self.close_from(seeds, local)?;
-        Some(self.differentiate(local, level, outcome))
     }
 
     /// One attempt from a seed, if there is one.

@@ -14,7 +14,7 @@
 //! the zero pose to any y of it lies in cells in which γ is one smooth function, and continuation
 //! along that path can arrive nowhere else. An attempt from a seed must pass the checks of any
 //! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
-//! answers, from the last pose on the path that the table has.
+//! answers.
 //!
 //! **Closed form.** A mechanism of which a form ([`crate::closure::Form`]) agrees with Newton's
 //! method at every corner and every center of these cells is closed by it there: in a cell γ is one
