@@ -1,8 +1,8 @@
 //! Fixed tendons and actuators: which coordinates are driven, with which force at most.
 //!
-//! A tendon that is driven, that has a spring, damping or a range, or whose length others follow
-//! along a curve, becomes a joint of its own without mass, which follows the joints of the tendon:
-//! its coordinate is the tendon's length less that in the file's pose.
+//! A tendon that is driven, that has a spring, damping, dry friction, armature or a range, or whose
+//! length others follow along a curve, becomes a joint of its own without mass, which follows the
+//! joints of the tendon: its coordinate is the tendon's length less that in the file's pose.
 
 use sarrus_dynamics::description::Terms;
 

@@ -10,7 +10,7 @@ use crate::plan::{Answer, Plan, Space};
 use crate::scalar::{Dd, Dual, Real, all_finite};
 use crate::workspace::Workspace;
 
-/// A request on its way: the robot, its numbers, and what it has found.
+/// One run of a request: model, workspace, input numbers and report.
 pub(super) struct Pass<'a, T: Real> {
     pub(super) model: &'a Model<T>,
     pub(super) ws: &'a mut Workspace<T>,
