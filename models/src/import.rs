@@ -160,12 +160,14 @@ fn converted(
     let at_zero = closed(&contents, options, None);
     let residual = at_zero.as_ref().map(|found| found.residual_before);
     // loops that are open in the file's pose
-    if let Some(zero) = at_zero.and_then(|found| found.zero).filter(|_| !is_good)
+    if let Some(AssemblyReport { zero: Some(zero), q, .. }) = at_zero.filter(|_| !is_good)
         && let Ok(written) = zero.write_contents(&contents, options)
     {
+        let moved = q.iter().filter(|of| of.found != 0.0);
+        let moved: Vec<_> = moved.map(|of| format!("{} {:.6}", of.name, of.found)).collect();
         let found = "the loops are open in the file's pose";
-        let help = "the zero pose is the nearest closed one; q counts from there";
-        diagnostics.note(Span::start(0), found, help);
+        let from = "q counts from the nearest closed pose, which is, from that of the file";
+        diagnostics.note(Span::start(0), found, format!("{from}: {}", moved.join(", ")));
         contents.urdf.1 = written.urdf;
         if let (Some(to), Some(from)) = (&mut contents.submechanisms, written.submechanisms) {
             to.1 = from;

@@ -115,7 +115,8 @@ pub(crate) fn suggest_for(
     };
     let name = |j: &usize| description.joints[*j].name.clone();
     for (draft, independent) in drafts.iter_mut().zip(found.independent.iter().skip(first)) {
-        if draft.has_loops() {
+        // couplings in a circle leave more joints independent than those that follow none
+        if draft.has_loops() || draft.independent.len() != independent.len() {
             draft.independent = independent.iter().map(name).collect();
         }
     }
