@@ -50,9 +50,9 @@ pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) ->
     });
     let rows: Vec<Vec<String>> = rows.into_iter().map(|(cells, _)| cells).collect();
     section.summary.push(format!(
-        "Questions that need a part of a robot: same numbers as in the whole answer at {} of {} \
+        "Questions that need a part of a robot: same bits as in the whole answer at {} of {} \
             pairs; least time against the whole {least}",
-        rows.iter().filter(|row| row.last().is_some_and(|cell| cell == "0")).count(),
+        rows.iter().filter(|row| row.last().is_some_and(|cell| cell == "yes")).count(),
         rows.len()
     ));
     section.tables.push(Table {
@@ -61,12 +61,11 @@ pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) ->
         caption: "Bodies and loops that the plan of the part computes, of all; operations as \
             counted by a scalar (a fused multiply-add is one, so is a pair of sine and cosine); \
             medians of batches that take turns, from y without a guess; the ratio of the times. \
-            Difference: of a number of the part from that of the whole answer, over its field's \
-            largest."
+            Bits: every number of the part is that of the whole answer."
             .into(),
         columns: columns(
             "robot | asked | bodies | loops | operations | of the whole | ns | ns of the whole | \
-            ratio | difference",
+            ratio | same bits",
         ),
         rows,
     });
@@ -78,7 +77,7 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
     let model = &robot.variants.first().ok_or("no variant")?.compiled.model;
     let pairs = pairs(model)?;
     let mut runs = Vec::new();
-    let mut differences = Vec::new();
+    let mut same = Vec::new();
     let still = |rates: &[f64]| vec![0.0; rates.len()];
     let at_rest =
         |state: &State| State { yd: still(&state.yd), ydd: still(&state.ydd), ..state.clone() };
@@ -89,14 +88,13 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
             Planned::new(model, Plan::new(model, &pair.part)?, &robot.states, 0),
             Planned::new(model, Plan::new(model, &pair.whole)?, states, 0),
         ];
-        differences.push(difference(pair, &mut both));
+        same.push(has_same_bits(pair, &mut both));
         runs.extend(both);
     }
     let times = interleaved(&mut runs, rounds, |_| {})?;
     let mut rows = Vec::new();
-    let of_pairs =
-        pairs.iter().zip(runs.chunks_exact(2)).zip(times.chunks_exact(2)).zip(differences);
-    for (((pair, runs), times), difference) in of_pairs {
+    let of_pairs = pairs.iter().zip(runs.chunks_exact(2)).zip(times.chunks_exact(2)).zip(same);
+    for (((pair, runs), times), same) in of_pairs {
         let [part, whole] = [&runs[0], &runs[1]];
         let outline = part.plan.outline(model);
         let ns = times[0].median();
@@ -112,7 +110,7 @@ fn of_robot(robot: &Robot, rounds: Duration) -> Outcome<Vec<(Vec<String>, f64)>>
                 format!("{ns:.0}"),
                 format!("{ns_of_whole:.0}"),
                 format!("{:.2}", ns / ns_of_whole),
-                if difference == 0.0 { "0".to_owned() } else { format!("{difference:.1e}") },
+                if same { "yes" } else { "no" }.to_owned(),
             ],
             ns / ns_of_whole,
         ));
@@ -150,29 +148,22 @@ fn pairs(model: &Model) -> Outcome<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// The largest difference of a number of the part from that of the whole answer, over the largest
-/// of its field; infinite where the whole answer has no such number.
-fn difference(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> f64 {
-    let mut worst = 0.0_f64;
-    for state in 0..part.states() {
+/// True if the whole answer has every number of the part, bit for bit.
+fn has_same_bits(pair: &Pair, [part, whole]: &mut [Planned; 2]) -> bool {
+    (0..part.states()).all(|state| {
         part.call(state);
         whole.call(state);
-        // without a field in common one row: the last joint of the whole answer
-        let fields = if pair.same.is_empty() { FieldSet::of(&[Field::TauU]) } else { pair.same };
-        for field in fields.iter() {
-            let [mut own, mut all] = [&*part, &*whole].map(|run| run.get(field));
-            if pair.same.is_empty() {
-                [own, all] = [own, all].map(|row| &row[row.len().saturating_sub(1)..]);
-            }
-            let largest = all.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-            if own.is_empty() || own.len() != all.len() {
-                return f64::INFINITY;
-            }
-            let others = own.iter().zip(all).filter(|(a, b)| a != b);
-            let of = others.map(|(a, b)| (a - b).abs() / largest);
-            worst =
-                of.fold(worst, |worst, of| if of.is_nan() { f64::INFINITY } else { worst.max(of) });
+        let rows = |run: &Planned, field| -> Vec<u64> {
+            run.get(field).iter().map(|x| x.to_bits()).collect()
+        };
+        if pair.same.is_empty() {
+            // one row: the last joint of the whole answer
+            let [one, all] = [&*part, &*whole].map(|run| rows(run, Field::TauU).last().copied());
+            return one.is_some() && one == all;
         }
-    }
-    worst
+        pair.same.iter().all(|field| {
+            let numbers = rows(part, field);
+            !numbers.is_empty() && numbers == rows(whole, field)
+        })
+    })
 }

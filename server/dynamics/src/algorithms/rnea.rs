@@ -93,12 +93,12 @@ pub(crate) fn newton_euler<T: Real>(
         }
     }
 
-    forces_to_root::<T, false>(model, scope, motion, tau);
+    forces_to_root(model, scope, motion, tau);
     // springs, dampers and rotors of the joints
     joint_forces(model, scope, q, qd, qdd, tau);
 }
 
-/// Static forces: gravity, springs and wrenches; without wrenches by composite first moments.
+/// Static forces: gravity, springs and wrenches, with the bits of [`newton_euler`] at q̇ = q̈ = 0.
 #[inline]
 pub(crate) fn rest_forces<T: Real>(
     model: &Model<T>,
@@ -108,7 +108,7 @@ pub(crate) fn rest_forces<T: Real>(
     motion: &mut [BodyState<T>],
     tau: &mut [T],
 ) {
-    // a_0 = −g, a_i = R_iᵀ a_p, n_i = h × a − n_ext, f_i = m a − f_ext, else h and m in their place
+    // a_0 = −g, a_i = R_iᵀ a_p, n_i = h × a − n_ext, f_i = m a − f_ext
     motion[0].a = -T::Triple::of(&model.gravity);
     for i in scope.ancestors.indices() {
         let (before, state) = motion.split_at_mut(i);
@@ -123,24 +123,21 @@ pub(crate) fn rest_forces<T: Real>(
             let (before, state) = motion.split_at_mut(i);
             let state = &mut state[0];
             state.a = rows(state).apply(before[body.parent].a);
-            (state.n, state.f) = (T::Triple::of(&body.h), T::Triple::splat(body.mass));
+            state.n = T::Triple::of(&body.h).cross(state.a);
+            state.f = state.a.times(T::Triple::splat(body.mass));
             if let Some(wrench) = wrench {
-                state.n = state.n.cross(state.a) - T::Triple::of(&wrench[i].0);
-                state.f = state.a.times(state.f) - T::Triple::of(&wrench[i].1);
+                state.n -= T::Triple::of(&wrench[i].0);
+                state.f -= T::Triple::of(&wrench[i].1);
             }
         }
     }
-    match wrench {
-        Some(_) => forces_to_root::<T, false>(model, scope, motion, tau),
-        None => forces_to_root::<T, true>(model, scope, motion, tau),
-    }
+    forces_to_root(model, scope, motion, tau);
     spring_forces(model, scope, q, tau);
 }
 
-/// The forces that the joints transmit, from those on the bodies, from the leaves to the root; if
-/// `WEIGHTS`, of weights alone, from first moments and masses in their place.
+/// The forces that the joints transmit, from those on the bodies, from the leaves to the root.
 #[inline(always)]
-fn forces_to_root<T: Real, const WEIGHTS: bool>(
+fn forces_to_root<T: Real>(
     model: &Model<T>,
     scope: &Scope,
     motion: &mut [BodyState<T>],
@@ -150,27 +147,24 @@ fn forces_to_root<T: Real, const WEIGHTS: bool>(
         let mut motion = &mut motion[..run.end];
         for body in model.bodies[run].iter().rev() {
             let Some((state, before)) = motion.split_last_mut() else { return };
-            let n = if WEIGHTS { state.n.cross(state.a) } else { state.n };
-            let f = if WEIGHTS { state.a.times(state.f) } else { state.f };
             match body.motion {
                 // τ_i = S_iᵀ (n_i, f_i); + 0 removes the sign of a zero
-                Motion::Revolute => tau[body.v] = n[2] + T::ZERO,
-                Motion::Prismatic => tau[body.v] = f[2] + T::ZERO,
-                Motion::Spherical => (0..3).for_each(|k| tau[body.v + k] = n[k] + T::ZERO),
+                Motion::Revolute => tau[body.v] = state.n[2] + T::ZERO,
+                Motion::Prismatic => tau[body.v] = state.f[2] + T::ZERO,
+                Motion::Spherical => (0..3).for_each(|k| tau[body.v + k] = state.n[k] + T::ZERO),
                 Motion::Floating => {
                     for k in 0..3 {
-                        tau[body.v + k] = n[k] + T::ZERO;
-                        tau[body.v + 3 + k] = f[k] + T::ZERO;
+                        tau[body.v + k] = state.n[k] + T::ZERO;
+                        tau[body.v + 3 + k] = state.f[k] + T::ZERO;
                     }
                 }
             }
             // f_p ← f_p + R f_i,  n_p ← n_p + R n_i + p × R f_i
-            // or m_p ← m_p + m_i,  h_p ← h_p + R h_i + m_i p
             if body.parent != 0 {
+                let f = state.R.apply(state.f);
                 let parent = &mut before[body.parent];
                 let n = state.R.apply_add(state.n, parent.n);
-                let f = if WEIGHTS { state.f } else { state.R.apply(state.f) };
-                parent.n = if WEIGHTS { state.p.mul_add(f, n) } else { n.add_cross(state.p, f) };
+                parent.n = n.add_cross(state.p, f);
                 parent.f += f;
             }
             motion = before;
