@@ -20,18 +20,25 @@ use sarrus_proto::Slot;
 
 use super::batch::is_cut_off;
 
-/// The shape of a field of one state: numbers alone have none, frames come before their rows.
-pub(super) fn shape(slot: &Slot) -> Vec<usize> {
+/// How many dimensions a field of one state has: numbers alone have none.
+fn dimensions(slot: &Slot) -> usize {
     use Field::*;
-    let Slot { field, rows, columns, .. } = *slot;
-    match field {
+    match slot.field {
         Residual | Iterations | CondKd | CondGu | SigmaMin | CondMy | Projection | Margin | Dt
-        | Gain => vec![],
-        JacobianTree | JacobianIndependent | JacobianActuator | DjacobianDy => {
-            vec![rows / 6, 6, columns]
-        }
-        _ if slot.is_matrix() => vec![rows, columns],
-        _ => vec![rows],
+        | Gain => 0,
+        JacobianTree | JacobianIndependent | JacobianActuator | DjacobianDy => 3,
+        _ => 1 + usize::from(slot.is_matrix()),
+    }
+}
+
+/// The shape of a field of one state: frames come before their rows.
+pub(super) fn shape(slot: &Slot) -> Vec<usize> {
+    let Slot { rows, columns, .. } = *slot;
+    match dimensions(slot) {
+        0 => vec![],
+        1 => vec![rows],
+        2 => vec![rows, columns],
+        _ => vec![rows / 6, 6, columns],
     }
 }
 
@@ -304,8 +311,7 @@ pub(super) fn of_state<'py>(
     numbers: &[f64],
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let shape = shape(slot);
-    match (shape.len(), numbers, out) {
+    match (dimensions(slot), numbers, out) {
         (0, [number], None) => return Ok(number.into_pyobject(py)?.into_any()),
         (1, _, None) => return Ok(PyArray1::from_slice(py, numbers).into_any()),
         _ => {}

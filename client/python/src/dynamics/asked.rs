@@ -284,10 +284,18 @@ impl Asked {
         numbers: &[f64],
         out: &[Option<Bound<'py, PyAny>>],
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let field = |(k, slot): (usize, &Slot)| {
-            let out = out.get(k).and_then(Option::as_ref);
-            arrays::of_state(py, slot, &numbers[slot.range()], out)
-        };
-        self.want.slots().iter().enumerate().map(field).collect()
+        (0..self.want.slots().len()).map(|k| self.field(py, k, numbers, out)).collect()
+    }
+
+    /// One field of one state.
+    pub(super) fn field<'py>(
+        &self,
+        py: Python<'py>,
+        k: usize,
+        numbers: &[f64],
+        out: &[Option<Bound<'py, PyAny>>],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let slot = &self.want.slots()[k];
+        arrays::of_state(py, slot, &numbers[slot.range()], out.get(k).and_then(Option::as_ref))
     }
 }

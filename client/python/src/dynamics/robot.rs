@@ -339,29 +339,30 @@ fn one_field<'py>(
     return_status: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let out = [out];
-    let (fields, status) = match asked.ask(py, &given, &out, options)? {
+    let (field, status) = match asked.ask(py, &given, &out, options)? {
         Answered::State { numbers, answer } => {
-            let fields = asked.fields(py, &numbers, &out)?;
+            let field = asked.field(py, 0, &numbers, &out)?;
             if answer.status != Status::Ok && !return_status {
                 return Err(state_error(answer.status));
             }
             if answer.warnings != Warnings::NONE && !return_status {
                 warn(py, &format!("the answer has a warning: {}", names(answer.warnings.0)))?;
             }
-            (fields, (answer.status as u32).into_pyobject(py)?.into_any())
+            if !return_status {
+                return Ok(field);
+            }
+            (field, (answer.status as u32).into_pyobject(py)?.into_any())
         }
         Answered::Rows { fields, statuses, failed, warned, .. } => {
+            let field = fields.into_iter().next();
+            let field = field.ok_or_else(|| PyValueError::new_err("nothing comes out"))?;
             if !return_status {
                 warn_of(py, failed, warned, statuses.len()?)?;
+                return Ok(field);
             }
-            (fields, statuses.into_any())
+            (field, statuses.into_any())
         }
     };
-    let field = fields.into_iter().next();
-    let field = field.ok_or_else(|| PyValueError::new_err("nothing comes out"))?;
-    if !return_status {
-        return Ok(field);
-    }
     Ok(PyTuple::new(py, [field, status])?.into_any())
 }
 
