@@ -30,9 +30,8 @@ pub(super) struct Equalities<'e, 'd> {
 
 impl<'e> Equalities<'e, '_> {
     pub(super) fn read(mut self, root: &'e Element) -> Vec<Cut> {
-        for element in root.all("equality").flat_map(|of| &of.children) {
+        for (n, element) in (1..).zip(root.all("equality").flat_map(|of| &of.children)) {
             let item = self.classes.item(element, &["equality"], None, self.diagnostics);
-            let n = self.cuts.len() + 1;
             let name = item.text("name").map_or(format!("{}_{n}", item.tag()), Into::into);
             if item.flag("active", self.diagnostics) == Some(false) {
                 element.read_all();

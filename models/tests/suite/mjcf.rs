@@ -382,7 +382,13 @@ fn loops_that_are_open_in_the_files_pose_are_closed_and_a_keyframe_is_projected(
     let imported = imported(&open, false).unwrap();
     assert!(imported.report.errors.is_empty(), "{}", imported.report);
     assert!(imported.residual.is_some_and(|of| of > 1e-3), "{:?}", imported.residual);
-    assert!(imported.report.notes.iter().any(|of| of.found.contains("open in the file's pose")));
+    // the note names the joints that moved, by how much
+    let notes = &imported.report.notes;
+    let note = notes.iter().find(|of| of.found.contains("open in the file's pose")).unwrap();
+    let (_, moved) = note.help.split_once(": ").unwrap();
+    let moved: Vec<_> = moved.split(", ").filter_map(|of| of.split_once(' ')).collect();
+    assert!(moved.len() >= 2, "{moved:?}");
+    assert!(moved.iter().all(|(_, by)| by.parse::<f64>().unwrap() != 0.0), "{moved:?}");
     assert!(imported.report.notes.iter().any(|of| of.found.contains("is not active")));
     // written and read again
     let source = Source::Text { urdf: imported.urdf, submechanisms: Some(imported.submechanisms) };
@@ -394,6 +400,40 @@ fn loops_that_are_open_in_the_files_pose_are_closed_and_a_keyframe_is_projected(
     let (name, closed) = imported.keyframe.unwrap();
     assert_eq!((name.as_str(), closed.error), ("home", None));
     assert!(closed.residual < 1e-9 && closed.residual_before > 1e-3, "{}", closed.residual);
+}
+
+#[test]
+fn couplings_in_a_circle_have_an_independent() {
+    // c follows b, b follows a, and a follows c again; d is held by a circle of two
+    let joints: String = ["a", "b", "c", "d", "e"]
+        .map(|name| format!("<body name=\"{name}\"><joint name=\"q{name}\"/>{BALL}</body>"))
+        .concat();
+    let follow = [("a", "b", 2.0), ("b", "c", -0.5), ("c", "a", -1.0), ("d", "e", 3.0)];
+    let mut equalities: String = follow
+        .map(|(one, two, slope)| {
+            format!("<joint joint1=\"q{one}\" joint2=\"q{two}\" polycoef=\"0 {slope}\"/>")
+        })
+        .concat();
+    equalities += "<joint name=\"back\" joint1=\"qe\" joint2=\"qd\" polycoef=\"0 0.5\"/>";
+    let text = format!(
+        "<mujoco><worldbody>{joints}</worldbody><equality>{equalities}</equality>\
+         <actuator><motor joint=\"qb\"/></actuator></mujoco>"
+    );
+    let imported = imported(&text, false).unwrap();
+    assert!(imported.report.errors.is_empty(), "{}", imported.report);
+    assert_eq!(imported.independent, ["qb"]);
+    let notes: String = imported.report.notes.iter().map(|of| of.found.clone()).collect();
+    for name in ["joint_1", "joint_4", "back"] {
+        assert!(notes.contains(&format!("`{name}` is soft in MuJoCo")), "{notes}");
+    }
+    let source = Source::Text { urdf: imported.urdf, submechanisms: Some(imported.submechanisms) };
+    let model = load(&source, &Options::default()).unwrap().compiled.model;
+    let query = Query::new(Request::State, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+    let plan = Plan::new(&model, &query).unwrap();
+    let mut q = [0.0; 5];
+    let answer = plan.run(&model, &mut Workspace::new(&model), &[0.3], &mut q);
+    assert_eq!(answer.status, Status::Ok);
+    near("q", &q, &[0.6, 0.3, -0.6, 0.0, 0.0]);
 }
 
 #[test]
