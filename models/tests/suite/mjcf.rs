@@ -428,7 +428,8 @@ fn couplings_in_a_circle_have_an_independent() {
     }
     let source = Source::Text { urdf: imported.urdf, submechanisms: Some(imported.submechanisms) };
     let model = load(&source, &Options::default()).unwrap().compiled.model;
-    let query = Query::new(Request::State, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
+    let query =
+        Query::new(Request::Kinematics, FieldSet::of(&[Field::Y]), FieldSet::of(&[Field::Q]));
     let plan = Plan::new(&model, &query).unwrap();
     let mut q = [0.0; 5];
     let answer = plan.run(&model, &mut Workspace::new(&model), &[0.3], &mut q);
