@@ -5,7 +5,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::data::{figure_table, result_table};
 use super::figure::Figure;
 use super::pareto::{ROUNDING, exponent, summaries};
-use super::picture::{NARROW, PARTS_OF_A_LINE, WIDE, colours, marked, picture, points, sign};
+use super::picture::{
+    NARROW, PARTS_OF_A_LINE, WIDE, colours, looks, marked, picture, points, sign,
+};
 use super::section::{Report, Section, Table, columns};
 use crate::Outcome;
 
@@ -180,12 +182,11 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
     let mut marks = Vec::new();
-    for (k, series) in
-        figure.series.iter().enumerate().filter(|(_, series)| points(series).next().is_some())
-    {
+    let all = looks(figure).into_iter().zip(&figure.series);
+    for (look, series) in all.filter(|(_, series)| points(series).next().is_some()) {
         let place = signs.len();
         marks.extend(marked(series).iter().map(|(x, y)| format!("{place} {x:.3e} {y:.3e}")));
-        signs.push((sign(Some((k, series.line)))?, series.name.as_str()));
+        signs.push((sign(Some((look, series.line)))?, series.name.as_str()));
     }
     if figure.series.iter().any(|series| series.competes) {
         signs.push((sign(None)?, "Pareto front"));

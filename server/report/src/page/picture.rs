@@ -23,6 +23,8 @@ const COLOURS: [(RGBColor, &str); 8] = [
     (RGBColor(0x6e, 0x4a, 0x2c), "#c9a27e"),
     (RGBColor(0x5f, 0x5f, 0x5f), "#b8b8b8"),
 ];
+/// Libraries that have a colour of their own on every figure, the last ones.
+const LIBRARIES: [&str; 5] = ["Pinocchio", "MuJoCo", "Simbody", "Drake", "RBDL"];
 /// Text and axes, mesh, front: light and dark.
 const INK: (RGBColor, &str) = (RGBColor(0x22, 0x22, 0x22), "#dddddd");
 const MESH: (RGBColor, &str) = (RGBColor(0xe2, 0xe2, 0xe2), "#3a3d42");
@@ -117,14 +119,15 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
 
     stairs(figure, x, y, &mut chart)?;
     // lines first, so that marks stay visible
-    for (k, series) in figure.series.iter().enumerate().filter(|(_, series)| series.line) {
+    let looks = looks(figure);
+    for (k, series) in looks.iter().zip(&figure.series).filter(|(_, series)| series.line) {
         let places = largest(series).into_iter().map(|(a, b)| (x.place(a), y.place(b)));
         chart.draw_series([PathElement::new(
             places.collect::<Vec<_>>(),
-            colour(k).stroke_width(4),
+            colour(*k).stroke_width(4),
         )])?;
     }
-    for (k, series) in figure.series.iter().enumerate() {
+    for (k, series) in looks.into_iter().zip(&figure.series) {
         for (a, b) in marked(series) {
             for outline in form(k, size.mark) {
                 chart.draw_series([EmptyElement::at((x.place(a), y.place(b)))
@@ -153,12 +156,27 @@ fn stairs(figure: &Figure, x: &Scale, y: &Scale, chart: &mut Chart<'_, '_>) -> D
     Ok(())
 }
 
-fn colour(series: usize) -> RGBColor {
-    COLOURS[series % COLOURS.len()].0
+/// A number for each series, of its colour and form: on every figure a library has one colour.
+pub(super) fn looks(figure: &Figure) -> Vec<usize> {
+    let library = |series: &Series| LIBRARIES.iter().position(|of| series.name.starts_with(of));
+    let with_others = figure.series.iter().any(|series| library(series).is_some());
+    let own = COLOURS.len() - if with_others { LIBRARIES.len() } else { 0 };
+    let mut next = (0..own).cycle();
+    let mut used = [0; COLOURS.len()];
+    let look = |series: &Series| {
+        let colour = library(series).map(|k| own + k).or_else(|| next.next()).unwrap_or(0);
+        used[colour] += COLOURS.len();
+        colour + used[colour] - COLOURS.len()
+    };
+    figure.series.iter().map(look).collect()
+}
+
+fn colour(look: usize) -> RGBColor {
+    COLOURS[look % COLOURS.len()].0
 }
 
 /// The mark of a series around a point: polygons. Series of one colour have different forms.
-fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
+fn form(look: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let s = r * 9 / 10;
     // arms of a cross
     let t = (r / 3).max(1);
@@ -167,7 +185,7 @@ fn form(series: usize, r: i32) -> Vec<Vec<(i32, i32)>> {
     let aside = |(x, y): (i32, i32)| (-y, x);
     let plus = [quarter, quarter.map(aside), back, back.map(aside)].concat();
     let turned = |(x, y): &(i32, i32)| ((x - y) * 7 / 10, (x + y) * 7 / 10);
-    match (series + 3 * (series / COLOURS.len())) % 8 {
+    match (look + 3 * (look / COLOURS.len())) % 8 {
         0 => vec![
             (0..12)
                 .map(|k| (f64::from(k) * core::f64::consts::PI / 6.0).sin_cos())

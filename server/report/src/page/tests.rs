@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::data::json;
 use super::html::page;
+use super::picture::looks;
 use super::*;
 
 const SCRIPT: &str = include_str!("page.js");
@@ -212,4 +213,18 @@ fn every_file_that_the_page_names_is_beside_it_and_nothing_is_left_over() {
     let value: Value = serde_json::from_str(&read("report.json")).unwrap();
     assert_eq!(value["sections"].as_array().unwrap().len(), 2);
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_library_has_one_colour_on_every_figure_and_each_series_a_look_of_its_own() {
+    let looks_of = |names: &[&str]| {
+        let named = |name: &&str| Series { name: (*name).into(), ..Series::default() };
+        looks(&Figure { series: names.iter().map(named).collect(), ..Figure::default() })
+    };
+    let one = looks_of(&["a", "b", "Pinocchio RNEA", "Pinocchio lcaba", "c", "d", "Drake"]);
+    let other = looks_of(&["a", "Drake", "Pinocchio RNEA"]);
+    assert_eq!(one, [0, 1, 3, 11, 2, 8, 6]);
+    assert_eq!(other, [0, 6, 3]);
+    // without libraries all colours are ours
+    assert_eq!(looks_of(&["a"; 9]), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
 }
