@@ -24,7 +24,7 @@ use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
 
 /// Robots of a quick report.
-const QUICK: [&str; 3] = ["lambda", "torso", "rh5v2_upper_body"];
+const QUICK: [&str; 2] = ["lambda", "rh5v2_upper_body"];
 /// A peer's error that counts as equal to ours.
 const EQUAL: f64 = 1e-12;
 /// Number of alternating timings by the programs of generated code.

@@ -34,7 +34,7 @@ impl Pair {
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, own: Option<Subject>, progress: &Progress) -> Outcome<Section> {
-    let (n_states, rounds) = if effort.quick { (16, 250) } else { (64, 2500) };
+    let (n_states, rounds) = if effort.quick { (16, 150) } else { (64, 2500) };
     let mut section = Section::new("parts", "Answers that need a part of the robot");
     let mut rows = Vec::new();
     let bundled = || bundled_names().into_iter().map(Subject::Bundled).collect();

@@ -48,7 +48,7 @@ const QUESTIONS: [(Question, &str, &str); 5] = [
     (Question::ForwardDerivatives, "derivatives of forward dynamics", "dfd"),
 ];
 
-const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(2000), of_peer: 0.02 };
+const QUICK: Amount = Amount { states: 16, rounds: Duration::from_millis(1000), of_peer: 0.02 };
 /// Targets of inverse kinematics, and the errors at which the peers stop.
 const QUICK_SEARCHES: (usize, &[f64]) = (8, &[1e-3, 1e-6]);
 const SEARCHES: (usize, &[f64]) = (50, &[1e-1, 1e-3, 1e-5, 1e-7, 1e-9]);

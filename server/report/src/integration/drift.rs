@@ -8,7 +8,7 @@ use crate::measure::Effort;
 use crate::page::{Axis, Figure, Point, Series, exponent};
 
 /// Steps of a full and of a quick report, and the length of each `[s]`.
-const STEPS: [u32; 2] = [1_000_000, 30_000];
+const STEPS: [u32; 2] = [1_000_000, 20_000];
 const STEP: f64 = 1e-3;
 /// Samples of each run.
 const SAMPLES: u32 = 200;

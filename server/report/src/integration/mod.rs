@@ -24,7 +24,7 @@ const TIGHT: [(Method, f64); 2] = [(Method::Dop853, 1e-13), (Method::Radau5, 1e-
 const AGREE: f64 = 1e-6;
 /// Seconds that one run may take in a quick report; a series ends when the next run would take
 /// longer.
-const LONGEST_RUN: [f64; 2] = [6.0, 0.25];
+const LONGEST_RUN: [f64; 2] = [6.0, 0.15];
 
 /// Fills the section.
 pub(crate) fn run(effort: &Effort, progress: &Progress) -> Outcome<Section> {
