@@ -31,7 +31,7 @@ impl Progress {
         Progress::new(false)
     }
 
-    /// A bar if standard error is a terminal, else an occasional line where there are to be `lines`.
+    /// A bar if standard error is a terminal, else an occasional line if `lines`.
     pub(crate) fn new(lines: bool) -> Progress {
         let terminal = stderr().is_terminal();
         let start = Instant::now();
