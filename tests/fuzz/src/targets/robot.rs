@@ -294,7 +294,7 @@ pub(super) const GEPETTO: Target = Target {
             };
             write(&yaml, text)?;
             write(&yaml.with_extension("urdf"), urdf)?;
-            let outcome = converted(&yaml, None, is_read_again(input));
+            let outcome = converted(&yaml, None);
             for path in [&yaml, &yaml.with_extension("urdf")] {
                 std::fs::remove_file(path).map_err(|error| error.to_string())?;
             }
@@ -304,13 +304,13 @@ pub(super) const GEPETTO: Target = Target {
     },
 };
 
-/// A model is converted alike each time, and files without a fault load and move.
+/// A model is converted twice alike, and files without a fault load and move.
 fn convert(input: &[u8]) -> Result<u64, String> {
-    converted(Path::new("/nowhere/model.xml"), Some(input), is_read_again(input))
+    converted(Path::new("/nowhere/model.xml"), Some(input))
 }
 
-/// As [`convert`], of a file where there is no text; twice alike if `again`.
-fn converted(path: &Path, text: Option<&[u8]>, again: bool) -> Result<u64, String> {
+/// As [`convert`], of a file where there is no text.
+fn converted(path: &Path, text: Option<&[u8]>) -> Result<u64, String> {
     let options = Options { lenient: true, ..Options::default() };
     let read = || import(path, text.map(<[u8]>::to_vec), &[], &options);
     let report_of = |outcome: &Result<Imported, LoadError>| match outcome {
@@ -320,9 +320,7 @@ fn converted(path: &Path, text: Option<&[u8]>, again: bool) -> Result<u64, Strin
     };
     let outcome = read();
     let report = report_of(&outcome)?;
-    if again {
-        law(report == report_of(&read())?, || "two reports on one text".to_owned())?;
-    }
+    law(report == report_of(&read())?, || "two reports on one text".to_owned())?;
     let Ok(Imported { urdf, submechanisms, independent, .. }) = outcome else {
         law(!report.errors.is_empty(), || "refused without an error".to_owned())?;
         return Ok(report.errors.iter().fold(0, |kinds, of| kinds ^ kind(&of.found)));
@@ -352,24 +350,21 @@ fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
         Err(other) => Err(format!("texts that cannot be opened: {other}")),
     };
 
+    // reading twice gives the same outcome
     let outcome = load(&source, &Options::default());
     let report = report_of(&outcome)?;
-    if is_read_again(urdf) != yaml.is_some_and(is_read_again) {
-        // the same outcome
-        let again = load(&source, &Options::default());
-        law(report == report_of(&again)?, || "two reports on one text".to_owned())?;
-        let model = |of: &Result<Loaded, LoadError>| {
-            of.as_ref().ok().map(|loaded| loaded.compiled.model.fingerprint())
-        };
-        law(model(&outcome) == model(&again), || "two models of one text".to_owned())?;
-    }
+    let again = load(&source, &Options::default());
+    law(outcome.is_ok() == again.is_ok(), || "read once and not again".to_owned())?;
+    law(report == report_of(&again)?, || "two reports on one text".to_owned())?;
     let kind = diagnostics::check(&report, &files)?;
-    match &outcome {
-        Ok(loaded) => {
+    match (&outcome, &again) {
+        (Ok(loaded), Ok(again)) => {
             law(report.errors.is_empty(), || "loaded with errors".to_owned())?;
+            let [one, two] = [loaded, again].map(|loaded| loaded.compiled.model.fingerprint());
+            law(one == two, || "two models of one text".to_owned())?;
             Ok(kind ^ moves(&loaded.compiled.model)? << 32)
         }
-        Err(_) => {
+        _ => {
             law(!report.errors.is_empty(), || "refused without an error".to_owned())?;
             // lenient: a model that loads can be asked
             let outcome = load(&source, &lenient);
@@ -380,11 +375,6 @@ fn check(urdf: &[u8], yaml: Option<&[u8]>) -> Result<u64, String> {
             Ok(kind)
         }
     }
-}
-
-/// One text in eight is read twice, which takes as long as all other laws.
-fn is_read_again(text: &[u8]) -> bool {
-    crate::hash(text).is_multiple_of(8)
 }
 
 /// A compiled model answers with numbers, or with a status and no numbers.
