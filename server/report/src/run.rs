@@ -73,7 +73,7 @@ pub fn run(options: &Options) -> Outcome<Report> {
     fs::remove_file(options.out.join(PROBE))
         .map_err(|error| format!("{}: {error}", options.out.display()))?;
 
-    let progress = Progress::new(true);
+    let progress = Progress::with_lines();
     let query = |name: &str| {
         let is = |word: &String| word == name || synonyms(name).any(|other| other == word);
         options.sections.is_empty() || options.sections.iter().any(is)

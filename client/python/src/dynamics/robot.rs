@@ -348,9 +348,6 @@ fn one_field<'py>(
             if answer.warnings != Warnings::NONE && !return_status {
                 warn(py, &format!("the answer has a warning: {}", names(answer.warnings.0)))?;
             }
-            if !return_status {
-                return Ok(field);
-            }
             (field, (answer.status as u32).into_pyobject(py)?.into_any())
         }
         Answered::Rows { fields, statuses, failed, warned, .. } => {
@@ -358,11 +355,13 @@ fn one_field<'py>(
             let field = field.ok_or_else(|| PyValueError::new_err("nothing comes out"))?;
             if !return_status {
                 warn_of(py, failed, warned, statuses.len()?)?;
-                return Ok(field);
             }
             (field, statuses.into_any())
         }
     };
+    if !return_status {
+        return Ok(field);
+    }
     Ok(PyTuple::new(py, [field, status])?.into_any())
 }
 

@@ -31,8 +31,12 @@ impl Progress {
         Progress::new(false)
     }
 
-    /// A bar if standard error is a terminal, else an occasional line if `lines`.
-    pub(crate) fn new(lines: bool) -> Progress {
+    /// A bar if standard error is a terminal, else an occasional line.
+    pub fn with_lines() -> Progress {
+        Progress::new(true)
+    }
+
+    fn new(lines: bool) -> Progress {
         let terminal = stderr().is_terminal();
         let start = Instant::now();
         let bar = terminal.then(|| {

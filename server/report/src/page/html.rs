@@ -182,8 +182,8 @@ fn drawn(figure: &Figure, report: &Report, section: &Section) -> Outcome<Markup>
     let narrow = picture(figure, NARROW)?;
     let mut signs = Vec::new();
     let mut marks = Vec::new();
-    let all = looks(figure).into_iter().zip(&figure.series);
-    for (look, series) in all.filter(|(_, series)| points(series).next().is_some()) {
+    let with_looks = looks(figure).into_iter().zip(&figure.series);
+    for (look, series) in with_looks.filter(|(_, series)| points(series).next().is_some()) {
         let place = signs.len();
         marks.extend(marked(series).iter().map(|(x, y)| format!("{place} {x:.3e} {y:.3e}")));
         signs.push((sign(Some((look, series.line)))?, series.name.as_str()));

@@ -120,19 +120,16 @@ fn draw(figure: &Figure, size: Size, x: &Scale, y: &Scale, area: &Area<'_>) -> D
     stairs(figure, x, y, &mut chart)?;
     // lines first, so that marks stay visible
     let looks = looks(figure);
-    for (k, series) in looks.iter().zip(&figure.series).filter(|(_, series)| series.line) {
-        let places = largest(series).into_iter().map(|(a, b)| (x.place(a), y.place(b)));
-        chart.draw_series([PathElement::new(
-            places.collect::<Vec<_>>(),
-            colour(*k).stroke_width(4),
-        )])?;
+    let place = |(a, b): (f64, f64)| (x.place(a), y.place(b));
+    for (&look, series) in looks.iter().zip(&figure.series).filter(|(_, series)| series.line) {
+        let places: Vec<_> = largest(series).into_iter().map(place).collect();
+        chart.draw_series([PathElement::new(places, colour(look).stroke_width(4))])?;
     }
-    for (k, series) in looks.into_iter().zip(&figure.series) {
-        for (a, b) in marked(series) {
-            for outline in form(k, size.mark) {
-                chart.draw_series([EmptyElement::at((x.place(a), y.place(b)))
-                    + Polygon::new(outline, colour(k).filled())])?;
-            }
+    for (&look, series) in looks.iter().zip(&figure.series) {
+        for outline in form(look, size.mark) {
+            let fill = colour(look).filled();
+            let mark = |at| EmptyElement::at(at) + Polygon::new(outline.clone(), fill);
+            chart.draw_series(marked(series).into_iter().map(place).map(mark))?;
         }
     }
     area.present()?;
