@@ -281,7 +281,7 @@ impl Pile {
     fn push(&mut self, span: Span, diagnostic: Diagnostic) {
         if self.is_full() {
             self.dropped += 1;
-        } else {
+        } else if !self.diagnostics.contains(&(span, diagnostic.clone())) {
             self.diagnostics.push((span, diagnostic));
         }
     }

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use sarrus_dynamics::description::{Inertial, Placement, Terms};
 
 use super::compiler::{Compiler, FromGeoms};
-use super::document::Element;
+use super::document::{Element, Files, MOST_FILES};
 use super::geom::{self, Part};
-use super::item::{Classes, Item};
-use super::mesh::Meshes;
+use super::item::Item;
+use super::source::Source;
 use crate::inertia::principal_moments;
 use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
@@ -185,48 +185,50 @@ struct Place<'e> {
 
 /// Reads the bodies of a model.
 pub(super) struct Walk<'e, 'd> {
-    pub(super) compiler: &'e Compiler,
-    pub(super) classes: &'e Classes<'e>,
-    pub(super) meshes: Meshes<'e>,
-    pub(super) diagnostics: &'d mut Diagnostics,
+    source: Source<'e>,
+    files: &'e Files,
+    /// The files that were attached.
+    attached: Vec<Source<'e>>,
+    diagnostics: &'d mut Diagnostics,
     tree: Tree,
     n_parts: usize,
 }
 
 impl<'e, 'd> Walk<'e, 'd> {
     pub(super) fn new(
-        compiler: &'e Compiler,
-        classes: &'e Classes<'e>,
-        meshes: Meshes<'e>,
+        source: Source<'e>,
+        files: &'e Files,
         diagnostics: &'d mut Diagnostics,
     ) -> Walk<'e, 'd> {
         let world = Body::new("world".to_owned(), Span::start(0), 0, Pose::NONE);
         let tree = Tree { bodies: vec![world], joints: Vec::new(), sites: BTreeMap::new() };
-        Walk { compiler, classes, meshes, diagnostics, tree, n_parts: 0 }
+        Walk { source, files, attached: Vec::new(), diagnostics, tree, n_parts: 0 }
     }
 
-    /// The tree of all world bodies of a model.
-    pub(super) fn read(mut self, root: &'e Element) -> Tree {
-        for world in root.all("worldbody") {
-            let place = Place {
-                body: 0,
-                frame: Pose::NONE,
-                class: world.text("childclass"),
-                suffix: String::new(),
-            };
-            self.content(world, &place);
-        }
+    /// The tree of a model, and the files that it has parts of.
+    pub(super) fn read(mut self) -> (Tree, Vec<Source<'e>>) {
+        let suffix = String::new();
+        self.place(&Place { body: 0, frame: Pose::NONE, class: None, suffix });
         self.tree.sort_joints();
-        for body in 1..self.tree.bodies.len() {
-            let inertial = self.inertial_of(body);
-            self.tree.bodies[body].inertial = inertial;
-        }
         self.scale_mass();
-        self.tree
+        self.attached.insert(0, self.source);
+        (self.tree, self.attached)
     }
 
-    fn content(&mut self, element: &'e Element, place: &Place<'e>) {
-        for child in &element.children {
+    /// The part of a file that is placed, or all that its worlds hold.
+    fn place(&mut self, place: &Place<'e>) {
+        if let Some(part) = self.source.part {
+            return self.content(std::slice::from_ref(part), place);
+        }
+        let root = self.source.root;
+        for world in root.all("worldbody") {
+            let class = world.text("childclass");
+            self.content(&world.children, &Place { class, ..place.clone() });
+        }
+    }
+
+    fn content(&mut self, children: &'e [Element], place: &Place<'e>) {
+        for child in children {
             self.n_parts += 1;
             if self.n_parts > MOST_PARTS {
                 if self.n_parts == MOST_PARTS + 1 {
@@ -240,27 +242,30 @@ impl<'e, 'd> Walk<'e, 'd> {
                 "body" => self.body(child, place),
                 "frame" => {
                     let item = Item::plain(child);
-                    let pose = self.compiler.angles.pose(&item, self.diagnostics);
+                    let pose = self.source.compiler.angles.pose(&item, self.diagnostics);
                     let class = item.text("childclass").or(place.class);
                     let frame = place.frame.then(pose);
                     item.get("name");
-                    self.content(child, &Place { frame, class, ..place.clone() });
+                    self.content(&child.children, &Place { frame, class, ..place.clone() });
                 }
+                "attach" => self.attach(child, place),
                 "replicate" => self.replicate(child, place),
                 "joint" | "freejoint" => self.joint(child, place),
                 "inertial" => self.inertial(child, place),
                 "geom" if place.body != 0 => {
-                    let item = self.classes.item(child, &["geom"], place.class, self.diagnostics);
-                    let part = geom::part(&item, self.compiler, &mut self.meshes, self.diagnostics);
+                    let item =
+                        self.source.classes.item(child, &["geom"], place.class, self.diagnostics);
+                    let part = geom::part(&item, &self.source, self.diagnostics);
                     let frame = place.frame;
                     let part = part.map(|part| Part { pose: frame.then(part.pose), ..part });
                     self.tree.bodies[place.body].parts.extend(part);
                 }
                 "site" => {
-                    let item = self.classes.item(child, &["site"], place.class, self.diagnostics);
-                    let pose = geom::placed(&item, self.compiler, self.diagnostics).0;
+                    let item =
+                        self.source.classes.item(child, &["site"], place.class, self.diagnostics);
+                    let pose = geom::placed(&item, &self.source.compiler, self.diagnostics).0;
                     if let Some(name) = item.text("name") {
-                        let name = format!("{name}{}", place.suffix);
+                        let name = self.source.name(name, &place.suffix);
                         let at = (place.body, place.frame.then(pose));
                         self.tree.sites.insert(name, at);
                     }
@@ -283,7 +288,7 @@ impl<'e, 'd> Walk<'e, 'd> {
             }
             return name;
         };
-        let name = format!("{name}{suffix}");
+        let name = self.source.name(name, suffix);
         if known(&name) {
             self.diagnostics.second(item.span(), kind, &name);
         }
@@ -293,7 +298,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     fn body(&mut self, element: &'e Element, place: &Place<'e>) {
         let item = Item::plain(element);
         let name = self.name(&item, "body", &place.suffix);
-        let pose = self.compiler.angles.pose(&item, self.diagnostics);
+        let pose = self.source.compiler.angles.pose(&item, self.diagnostics);
         if item.number("gravcomp", self.diagnostics).unwrap_or(0.0) != 0.0 {
             let found = format!("the body {} has `gravcomp`", quoted(&name));
             self.diagnostics.dynamics(item.at("gravcomp"), found, "none", "remove it");
@@ -308,7 +313,22 @@ impl<'e, 'd> Walk<'e, 'd> {
         self.tree.bodies.push(Body::new(name, item.span(), place.body, pose));
         let class = item.text("childclass").or(place.class);
         let suffix = place.suffix.clone();
-        self.content(element, &Place { body, frame: Pose::NONE, class, suffix });
+        self.content(&element.children, &Place { body, frame: Pose::NONE, class, suffix });
+        self.tree.bodies[body].inertial = self.inertial_of(body);
+    }
+
+    /// The parts of another file, in this place.
+    fn attach(&mut self, element: &'e Element, place: &Place<'e>) {
+        let item = Item::plain(element);
+        let source = self.source.attached(&item, &place.suffix, self.files, self.diagnostics);
+        if let Some(source) = source {
+            let outer = std::mem::replace(&mut self.source, source);
+            self.place(&Place { class: None, ..place.clone() });
+            self.attached.push(std::mem::replace(&mut self.source, outer));
+            if self.attached.len() >= MOST_FILES {
+                self.n_parts = self.n_parts.max(MOST_PARTS);
+            }
+        }
     }
 
     /// The elements of a `<replicate>`, each time one step further.
@@ -317,14 +337,14 @@ impl<'e, 'd> Walk<'e, 'd> {
         let count = item.number("count", self.diagnostics).unwrap_or(0.0).max(0.0) as usize;
         let offset = item.numbers("offset", self.diagnostics).unwrap_or_default();
         let euler = item.numbers::<3>("euler", self.diagnostics).unwrap_or_default();
-        let step = Pose { p: offset, r: self.compiler.angles.of_euler(euler) };
+        let step = Pose { p: offset, r: self.source.compiler.angles.of_euler(euler) };
         let sep = item.text("sep").unwrap_or_default();
         // each suffix has the digits of the last one
         let width = count.saturating_sub(1).max(1).to_string().len();
         let mut frame = place.frame;
         for k in 0..count.min(MOST_PARTS) {
             let suffix = format!("{}{sep}{k:0width$}", place.suffix);
-            self.content(element, &Place { frame, suffix, ..place.clone() });
+            self.content(&element.children, &Place { frame, suffix, ..place.clone() });
             frame = frame.then(step);
         }
     }
@@ -332,7 +352,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     fn joint(&mut self, element: &'e Element, place: &Place<'e>) {
         let is_free = element.name == "freejoint";
         let tags: &[&str] = if is_free { &[] } else { &["joint"] };
-        let item = self.classes.item(element, tags, place.class, self.diagnostics);
+        let item = self.source.classes.item(element, tags, place.class, self.diagnostics);
         let name = self.name(&item, "joint", &place.suffix);
         let kinds = [("hinge", Kind::Hinge), ("slide", Kind::Slide), ("ball", Kind::Ball)];
         let written = if is_free { "free" } else { item.text("type").unwrap_or("hinge") };
@@ -353,7 +373,7 @@ impl<'e, 'd> Walk<'e, 'd> {
             let found = format!("`align` of the joint {} moves the body's frame", quoted(&name));
             self.diagnostics.dynamics(item.at("align"), found, "false", "remove it");
         }
-        let angles = &self.compiler.angles;
+        let angles = &self.source.compiler.angles;
         let is_turn = matches!(kind, Kind::Hinge | Kind::Ball);
         let number = |name: &str, of: &mut Diagnostics| {
             let number = item.number(name, of).unwrap_or(0.0);
@@ -368,12 +388,16 @@ impl<'e, 'd> Walk<'e, 'd> {
             self.diagnostics.error(item.at("axis"), found, "a direction as 0 0 1", "correct it");
         }
         let pos = item.numbers("pos", self.diagnostics).unwrap_or_default();
-        let range = self.compiler.range(&item, "range", "limited", self.diagnostics);
+        let range = self.source.compiler.range(&item, "range", "limited", self.diagnostics);
         let range = range.map(|range| {
             range.map(|of| if is_turn { angles.radians(of) - reference } else { of - reference })
         });
-        let effort =
-            self.compiler.range(&item, "actuatorfrcrange", "actuatorfrclimited", self.diagnostics);
+        let effort = self.source.compiler.range(
+            &item,
+            "actuatorfrcrange",
+            "actuatorfrclimited",
+            self.diagnostics,
+        );
         let terms = Terms {
             damping: item.linear("damping", self.diagnostics),
             stiffness: item.linear("stiffness", self.diagnostics),
@@ -421,7 +445,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     /// `<inertial>`, the explicit one of its body.
     fn inertial(&mut self, element: &'e Element, place: &Place<'e>) {
         let item = Item::plain(element);
-        let pose = self.compiler.angles.pose(&item, self.diagnostics);
+        let pose = self.source.compiler.angles.pose(&item, self.diagnostics);
         let mass = item.number("mass", self.diagnostics);
         let diagonal = item.numbers::<3>("diaginertia", self.diagnostics);
         let full = item.numbers::<6>("fullinertia", self.diagnostics);
@@ -451,7 +475,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     /// The mass and the inertia of a body, by the rules of the compiler.
     fn inertial_of(&mut self, body: usize) -> Option<Inertial> {
         let Body { explicit, parts, name, span, .. } = self.tree.bodies.get(body)?;
-        let from_geoms = match self.compiler.from_geoms {
+        let from_geoms = match self.source.compiler.from_geoms {
             FromGeoms::Never => false,
             FromGeoms::WithoutInertial => explicit.is_none(),
             FromGeoms::Always => true,
@@ -461,7 +485,7 @@ impl<'e, 'd> Walk<'e, 'd> {
             mass: part.mass,
             inertia: part.inertia,
         });
-        let Compiler { least_mass, least_inertia, balances, .. } = *self.compiler;
+        let Compiler { least_mass, least_inertia, balances, .. } = self.source.compiler;
         let none = Inertial { origin: Placement::default(), mass: 0.0, inertia: [0.0; 6] };
         let bounded = (least_mass > 0.0 || least_inertia > 0.0).then_some(none);
         let mut inertial = of_parts.or(*explicit).or(bounded)?;
@@ -488,7 +512,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     fn scale_mass(&mut self) {
         let all = || self.tree.bodies.iter().filter_map(|body| body.inertial);
         let sum: f64 = all().map(|of| of.mass).sum();
-        let wanted = self.compiler.total_mass;
+        let wanted = self.source.compiler.total_mass;
         if wanted > 0.0 && sum > 0.0 {
             for inertial in self.tree.bodies.iter_mut().filter_map(|body| body.inertial.as_mut()) {
                 inertial.mass *= wanted / sum;

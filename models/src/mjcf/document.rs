@@ -2,17 +2,18 @@
 //! the conversion has read it.
 
 use std::cell::Cell;
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use roxmltree::Node;
 
 use crate::number::{self, NumberFault};
 use crate::report::{Diagnostics, Span, quoted};
-use crate::text::{self, Text};
+use crate::text::{self, LARGEST, Text};
 use crate::urdf::parse;
 
 /// Most files of one model.
-const MOST_FILES: usize = 256;
+pub(super) const MOST_FILES: usize = 256;
 
 /// An element.
 pub(crate) struct Element {
@@ -51,6 +52,18 @@ impl Element {
         self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
     }
 
+    /// What it is named, unread.
+    pub(crate) fn name(&self) -> &str {
+        let name = self.attributes.iter().find(|of| of.name == "name");
+        name.map_or("", |of| of.value.trim())
+    }
+
+    /// The first element of a tag and a name that it holds.
+    pub(crate) fn find(&self, tag: &str, name: &str) -> Option<&Element> {
+        let is_it = |of: &&Element| of.name == tag && of.name() == name;
+        self.children.iter().find_map(|of| Some(of).filter(is_it).or_else(|| of.find(tag, name)))
+    }
+
     /// The first child of a name, which is then read.
     pub(crate) fn one(&self, name: &str) -> Option<&Element> {
         self.children.iter().find(|of| of.name == name).inspect(|of| of.is_read.set(true))
@@ -79,21 +92,25 @@ impl Attribute {
 }
 
 /// The files of a model: where they may lie, and those that were read.
+#[derive(Default)]
 pub(crate) struct Files {
     /// The folder of the first file.
     folder: PathBuf,
     /// The folders below which files are read, without links.
     roots: Vec<PathBuf>,
+    /// The folder of the model that is read, from that of the first file, and its files.
+    base: PathBuf,
     read: Vec<PathBuf>,
-    /// The number of includes.
+    /// The number of files that others name, and their size.
     count: usize,
+    size: usize,
 }
 
 impl Files {
     /// The files beside the first one, or below a folder of `include`; a text has none beside it.
     pub(crate) fn new(first: Option<&Path>, include: &[PathBuf]) -> Files {
         let Some(first) = first else {
-            return Files { folder: PathBuf::new(), roots: Vec::new(), read: Vec::new(), count: 0 };
+            return Files::default();
         };
         let folder = match first.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
@@ -101,7 +118,8 @@ impl Files {
         };
         let all = [&folder].into_iter().chain(include);
         let roots = all.filter_map(|folder| folder.canonicalize().ok()).collect();
-        Files { folder, roots, read: Vec::from_iter(first.canonicalize().ok()), count: 0 }
+        let read = Vec::from_iter(first.canonicalize().ok());
+        Files { folder, roots, read, ..Files::default() }
     }
 
     /// The name and the bytes of a file that another one names, relative to the first file's folder
@@ -183,6 +201,9 @@ fn element<'t>(
         let mut child = element(child, text, files, diagnostics);
         if child.name == "include" {
             read.children.extend(include(child, is_sdf, files, diagnostics));
+        } else if child.name == "model" && read.name == "asset" {
+            model(&mut child, files, diagnostics);
+            read.children.push(child);
         } else if matches!(&child.attributes[..], [of] if of.name == child.name && is_sdf) {
             // one that is nothing but its value is an attribute
             read.attributes.append(&mut child.attributes);
@@ -208,28 +229,59 @@ fn include(
     };
     let written = file.value.trim();
     let scheme = if is_sdf { written.find("://").map_or(0, |at| at + 3) } else { 0 };
-    let mut path = PathBuf::from(&written[scheme..]);
+    let mut path = files.base.join(&written[scheme..]);
     let folders = [&files.folder].into_iter().chain(&files.roots);
     let is_folder = folders.map(|of| of.join(&path)).any(|of| of.is_dir());
     if is_sdf && (is_folder || path.extension().is_none()) {
         path.push("model.sdf");
     }
-    let opened = files.open(&path, file.span, diagnostics);
-    let Some((real, name, bytes)) = opened else { return Vec::new() };
-    files.count += 1;
-    if files.read.contains(&real) || files.count >= MOST_FILES {
-        let found = format!("the file {} is included a second time", quoted(&file.value));
-        diagnostics.error(file.span, found, "each file once", "remove one of them");
-        return Vec::new();
-    }
-    files.read.push(real);
-    let root = read(&name, bytes, files, diagnostics);
+    let known = files.read.len();
+    let root = nested(&path, file, files, diagnostics);
     if !is_sdf {
         return root.map_or_else(Vec::new, |root| root.children);
     }
     // another model may be of the same file
-    files.read.pop();
+    files.read.truncate(known);
     root.and_then(|root| placed(root, element, diagnostics)).into_iter().collect()
+}
+
+/// The outermost element of a file that another one names; `None` after an error.
+fn nested(
+    path: &Path,
+    file: &Attribute,
+    files: &mut Files,
+    diagnostics: &mut Diagnostics,
+) -> Option<Element> {
+    let (real, name, bytes) = files.open(path, file.span, diagnostics)?;
+    files.count += 1;
+    files.size += bytes.len();
+    let is_second = files.read.contains(&real);
+    if is_second || files.count >= MOST_FILES || files.size > LARGEST {
+        let found = match is_second {
+            true => format!("the file {} is included a second time", quoted(&file.value)),
+            false => format!("with {} the model has too many files", quoted(&file.value)),
+        };
+        return diagnostics.refused(file.span, found, "each file once", "remove one of them");
+    }
+    files.read.push(real);
+    read(&name, bytes, files, diagnostics)
+}
+
+/// Puts the file that a `<model>` names into it.
+fn model(element: &mut Element, files: &mut Files, diagnostics: &mut Diagnostics) {
+    let Some(file) = element.get("file") else {
+        return diagnostics.error(element.span, "`model` has no `file`", "file=\"…\"", "add it");
+    };
+    let path = files.base.join(file.value.trim());
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let outer = (mem::replace(&mut files.base, folder), mem::take(&mut files.read));
+    let root = nested(&path, file, files, diagnostics);
+    (files.base, files.read) = outer;
+    if let Some(root) = root.as_ref().filter(|root| root.name != "mujoco") {
+        let found = format!("the root element {}", quoted(&root.name));
+        diagnostics.error(root.span, found, "mujoco", "convert the file into MJCF");
+    }
+    element.children = root.into_iter().collect();
 }
 
 /// The model of an included file of SDF, with the name, pose and plug-ins of the `<include>`.

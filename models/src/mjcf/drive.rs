@@ -8,8 +8,8 @@ use sarrus_dynamics::description::Terms;
 
 use super::body::{Joint, Kind, Tree, largest};
 use super::compiler::Compiler;
-use super::document::Element;
-use super::item::{Classes, Item};
+use super::item::Item;
+use super::source::Source;
 use crate::report::{Diagnostics, Span, quoted};
 
 /// A fixed tendon.
@@ -32,18 +32,21 @@ pub(super) struct Tendon {
 const ACTUATORS: &str = "general motor position velocity intvelocity damper cylinder muscle \
     adhesion dcmotor";
 
-/// The fixed tendons of a model; others are reported.
-pub(super) fn tendons<'e>(
-    root: &'e Element,
-    classes: &Classes<'e>,
-    compiler: &Compiler,
+/// Adds the fixed tendons of a file; others are reported.
+pub(super) fn tendons(
+    source: &mut Source<'_>,
     tree: &Tree,
+    tendons: &mut Vec<Tendon>,
     diagnostics: &mut Diagnostics,
-) -> Vec<Tendon> {
-    let mut tendons: Vec<Tendon> = Vec::new();
+) {
+    let root = source.root;
     for element in root.all("tendon").flat_map(|of| &of.children) {
+        if source.leaves_out(element, diagnostics) {
+            continue;
+        }
+        let Source { classes, compiler, .. } = &*source;
         let item = classes.item(element, &["tendon"], None, diagnostics);
-        let name = item.text("name").unwrap_or_default().to_owned();
+        let name = source.refers(&item, "name").unwrap_or_default();
         let linear = ["stiffness", "damping"].map(|of| item.linear(of, diagnostics));
         let armature = item.number("armature", diagnostics).unwrap_or(0.0);
         if item.tag() != "fixed" {
@@ -57,16 +60,16 @@ pub(super) fn tendons<'e>(
         let mut terms = Vec::new();
         let [mut at_zero, mut at_rest] = [0.0; 2];
         for of in element.all("joint").map(Item::plain) {
-            let joint = of.text("joint").unwrap_or_default();
+            let joint = source.refers(&of, "joint").unwrap_or_default();
             let factor = of.number("coef", diagnostics).unwrap_or(0.0);
-            match tree.joint(joint).and_then(|j| tree.joints.get(j)).filter(|of| of.is_single()) {
+            match tree.joint(&joint).and_then(|j| tree.joints.get(j)).filter(|of| of.is_single()) {
                 Some(known) => {
                     at_zero += factor * known.reference;
                     at_rest += factor * known.terms.rest;
                     terms.push((known.name.clone(), factor));
                 }
                 None => {
-                    let found = format!("{} is no hinge or slide of this file", quoted(joint));
+                    let found = format!("{} is no hinge or slide of this file", quoted(&joint));
                     diagnostics.error(of.at("joint"), found, "a joint", "correct the name");
                 }
             }
@@ -105,20 +108,22 @@ pub(super) fn tendons<'e>(
             drive: None,
         });
     }
-    tendons
 }
 
 /// Reads the actuators into their joints and tendons.
-pub(super) fn actuators<'e>(
-    root: &'e Element,
-    classes: &Classes<'e>,
-    compiler: &Compiler,
+pub(super) fn actuators(
+    source: &mut Source<'_>,
     tree: &mut Tree,
     tendons: &mut [Tendon],
     diagnostics: &mut Diagnostics,
 ) {
     let tags: Vec<&str> = ACTUATORS.split(' ').collect();
+    let root = source.root;
     for element in root.all("actuator").flat_map(|of| &of.children) {
+        if source.leaves_out(element, diagnostics) {
+            continue;
+        }
+        let Source { classes, compiler, .. } = &*source;
         let item = classes.item(element, &tags, None, diagnostics);
         let name = item.text("name").unwrap_or_default();
         let gear = item.list("gear", 6, diagnostics).unwrap_or_default();
@@ -126,11 +131,12 @@ pub(super) fn actuators<'e>(
         let limit = limit(&item, compiler, diagnostics);
         let armature = item.number("armature", diagnostics).unwrap_or(0.0);
         let damping = item.linear("damping", diagnostics);
-        let on_joint = item.text("joint").or(item.text("jointinparent"));
-        let on_tendon = item.text("tendon");
-        let joint = tree.joints.iter_mut().find(|of| Some(&*of.name) == on_joint);
+        let [joint, inparent, on_tendon] =
+            ["joint", "jointinparent", "tendon"].map(|of| source.refers(&item, of));
+        let on_joint = joint.or(inparent);
+        let joint = tree.joints.iter_mut().find(|of| Some(&of.name) == on_joint.as_ref());
         let joint = joint.filter(|of| of.is_single()).map(|of| (&mut of.terms, &mut of.drive));
-        let tendon = tendons.iter_mut().find(|of| Some(&*of.name) == on_tendon);
+        let tendon = tendons.iter_mut().find(|of| Some(&of.name) == on_tendon.as_ref());
         let tendon = tendon.map(|of| (&mut of.dynamics, &mut of.drive));
         let Some((terms, drive)) = joint.or(tendon) else {
             element.read_all();

@@ -4,9 +4,9 @@ use sarrus_dynamics::CutJoint;
 use sarrus_dynamics::description::Placement;
 
 use super::body::Tree;
-use super::document::Element;
 use super::drive::Tendon;
-use super::item::{Classes, Item};
+use super::item::Item;
+use super::source::Source;
 use crate::pose::{Pose, unit};
 use crate::report::{Diagnostics, Span, quoted};
 
@@ -21,18 +21,23 @@ pub(crate) struct Cut {
 
 /// Reads the equalities of a model.
 pub(super) struct Equalities<'e, 'd> {
-    pub(super) classes: &'e Classes<'e>,
+    pub(super) source: &'d mut Source<'e>,
     pub(super) tree: &'d mut Tree,
     pub(super) tendons: &'d mut [Tendon],
     pub(super) diagnostics: &'d mut Diagnostics,
-    pub(super) cuts: Vec<Cut>,
+    pub(super) cuts: &'d mut Vec<Cut>,
 }
 
 impl<'e> Equalities<'e, '_> {
-    pub(super) fn read(mut self, root: &'e Element) -> Vec<Cut> {
+    pub(super) fn read(mut self) {
+        let root = self.source.root;
         for (n, element) in (1..).zip(root.all("equality").flat_map(|of| &of.children)) {
-            let item = self.classes.item(element, &["equality"], None, self.diagnostics);
+            if self.source.leaves_out(element, self.diagnostics) {
+                continue;
+            }
+            let item = self.source.classes.item(element, &["equality"], None, self.diagnostics);
             let name = item.text("name").map_or(format!("{}_{n}", item.tag()), Into::into);
+            let name = self.source.name(&name, &self.source.suffix);
             if item.flag("active", self.diagnostics) == Some(false) {
                 element.read_all();
                 let found = format!("the equality {} is not active: left out", quoted(&name));
@@ -64,7 +69,6 @@ impl<'e> Equalities<'e, '_> {
                 self.diagnostics.note(item.span(), found, "nothing to do");
             }
         }
-        self.cuts
     }
 
     /// Reports a name that stands for nothing.
@@ -76,8 +80,8 @@ impl<'e> Equalities<'e, '_> {
 
     /// The body that an attribute names; the world without one.
     fn body(&mut self, item: &Item<'_>, name: &str) -> Option<usize> {
-        let Some(written) = item.text(name) else { return Some(0) };
-        let found = self.tree.body(written);
+        let Some(written) = self.source.refers(item, name) else { return Some(0) };
+        let found = self.tree.body(&written);
         if found.is_none() {
             self.missing(item, name, "body");
         }
@@ -86,7 +90,8 @@ impl<'e> Equalities<'e, '_> {
 
     /// The site that an attribute names.
     fn site(&mut self, item: &Item<'_>, name: &str) -> Option<(usize, Pose)> {
-        let found = self.tree.sites.get(item.text(name).unwrap_or_default()).copied();
+        let written = self.source.refers(item, name).unwrap_or_default();
+        let found = self.tree.sites.get(&written).copied();
         if found.is_none() {
             self.missing(item, name, "site");
         }
@@ -138,7 +143,7 @@ impl<'e> Equalities<'e, '_> {
 
     /// The terms of the joint or the tendon that an attribute names.
     fn terms(&mut self, item: &Item<'_>, name: &str) -> Option<Vec<(String, f64)>> {
-        let written = item.text(name).unwrap_or_default();
+        let written = self.source.refers(item, name).unwrap_or_default();
         let is_joint = item.tag() == "joint";
         let joint = self.tree.joints.iter().find(|of| of.name == written && of.is_single());
         let tendon = self.tendons.iter().find(|of| of.name == written);
@@ -155,7 +160,7 @@ impl<'e> Equalities<'e, '_> {
     /// The coordinate that an attribute names: of a joint, or of one that has a tendon's length.
     fn coordinate(&mut self, item: &Item<'_>, name: &str) -> Option<String> {
         let terms = self.terms(item, name)?;
-        let written = item.text(name).unwrap_or_default();
+        let written = self.source.refers(item, name).unwrap_or_default();
         match self.tendons.iter_mut().find(|of| item.tag() == "tendon" && of.name == written) {
             None => Some(terms.first()?.0.clone()),
             Some(tendon) => {

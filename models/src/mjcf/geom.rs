@@ -2,8 +2,8 @@
 
 use super::compiler::Compiler;
 use super::item::Item;
-use super::mesh::Meshes;
 use super::solid::{Tensor, capsule, cuboid, cylinder, ellipsoid, of_point, sphere, turned};
+use super::source::Source;
 use crate::pose::{Pose, from_z, minus, plus};
 use crate::report::{Diagnostics, quoted};
 use crate::rotation::dot;
@@ -34,8 +34,7 @@ pub(super) fn placed(
 /// The part of a body that a geom is; `None` where it has no mass, and after an error.
 pub(super) fn part(
     item: &Item<'_>,
-    compiler: &Compiler,
-    meshes: &mut Meshes<'_>,
+    Source { compiler, meshes, .. }: &Source<'_>,
     diagnostics: &mut Diagnostics,
 ) -> Option<Part> {
     let group = item.number("group", diagnostics).unwrap_or(0.0);

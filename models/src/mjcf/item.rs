@@ -120,11 +120,9 @@ impl<'e> Classes<'e> {
         let mut classes = Classes { by_name: BTreeMap::from([(MAIN, Vec::new())]) };
         let mut main: Vec<&Element> = Vec::new();
         for outermost in root.all("default") {
-            outermost.text("class");
-            main.push(outermost);
-        }
-        classes.by_name.insert(MAIN, main.clone());
-        for outermost in main.clone() {
+            // the last one wins, and a class within it does not see those that follow
+            main.insert(0, outermost);
+            classes.by_name.insert(MAIN, main.clone());
             if let Some(name) = outermost.text("class") {
                 classes.by_name.insert(name, main.clone());
             }

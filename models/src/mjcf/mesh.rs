@@ -1,7 +1,7 @@
 //! Meshes as far as they give mass: STL, OBJ and meshes within the model, integrated in MuJoCo's
 //! ways.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::compiler::Compiler;
 use super::document::{Element, Files};
@@ -18,8 +18,8 @@ const MOST_FACES: usize = 5_000_000;
 /// The meshes of a model; a file is opened when a body needs its inertia.
 pub(super) struct Meshes<'e> {
     items: Vec<Item<'e>>,
-    files: Files,
-    folder: String,
+    files: &'e Files,
+    folder: PathBuf,
     strips: bool,
 }
 
@@ -28,7 +28,7 @@ impl<'e> Meshes<'e> {
         root: &'e Element,
         classes: &Classes<'e>,
         compiler: &Compiler,
-        files: Files,
+        (files, folder): (&'e Files, &Path),
         diagnostics: &mut Diagnostics,
     ) -> Meshes<'e> {
         let all = root.children.iter().filter(|of| of.name == "asset").flat_map(|of| &of.children);
@@ -36,12 +36,12 @@ impl<'e> Meshes<'e> {
             .filter(|of| of.name == "mesh")
             .map(|of| classes.item(of, &["mesh"], None, diagnostics))
             .collect();
-        Meshes { items, files, folder: compiler.folder.clone(), strips: compiler.strips }
+        Meshes { items, files, folder: folder.join(&compiler.folder), strips: compiler.strips }
     }
 
     /// The solid of a mesh in the frame of its geom; `None` after an error.
     pub(super) fn solid(
-        &mut self,
+        &self,
         name: &str,
         span: Span,
         is_shell: bool,
@@ -87,7 +87,7 @@ impl<'e> Meshes<'e> {
             Some(file) => {
                 let written = Path::new(file.value.trim());
                 let stripped = written.file_name().map(Path::new).filter(|_| self.strips);
-                let path = Path::new(&self.folder).join(stripped.unwrap_or(written));
+                let path = self.folder.join(stripped.unwrap_or(written));
                 let (_, name, bytes) = self.files.open(&path, file.span, diagnostics)?;
                 let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
                 let faces = match ending.to_str() {

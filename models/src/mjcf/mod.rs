@@ -14,17 +14,17 @@ mod geom;
 pub(crate) mod item;
 mod mesh;
 mod solid;
+mod source;
 pub(crate) mod unread;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use body::{Kind, Tree, Walk};
-use compiler::Compiler;
 use document::{Element, Files};
 use equality::{Cut, Equalities};
-use item::{Classes, Item};
-use mesh::Meshes;
+use item::Item;
+use source::Source;
 
 use crate::export;
 use crate::pose::{Pose, unit};
@@ -52,33 +52,33 @@ pub(crate) fn convert(
 ) -> Option<Converted> {
     let mut files = Files::new(path, include);
     let root = document::read(name, bytes, &mut files, diagnostics)?;
-    root.is_read.set(true);
     let stem = path.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
     let model = root.text("model").filter(|name| !name.is_empty());
     let robot = model.map(str::to_owned).or(stem).unwrap_or_else(|| "robot".to_owned());
-    root.all("asset").for_each(drop);
-    root.all("worldbody").for_each(drop);
-    let compiler = Compiler::new(&root, diagnostics);
+    let first = Source::new(&root, &files, PathBuf::new(), diagnostics);
     let flags = compiler::options(&root, diagnostics);
-    let classes = Classes::new(&root, diagnostics);
-    let meshes = Meshes::new(&root, &classes, &compiler, files, diagnostics);
-    let mut tree = Walk::new(&compiler, &classes, meshes, diagnostics).read(&root);
+    let (mut tree, mut sources) = Walk::new(first, &files, diagnostics).read();
     let pose = keyframe(&root, &tree, diagnostics);
-    let mut tendons = drive::tendons(&root, &classes, &compiler, &tree, diagnostics);
-    drive::actuators(&root, &classes, &compiler, &mut tree, &mut tendons, diagnostics);
-    let cuts = if flags.equality {
-        Equalities {
-            classes: &classes,
-            tree: &mut tree,
-            tendons: &mut tendons,
-            diagnostics,
-            cuts: Vec::new(),
+    let mut tendons = Vec::new();
+    for source in &mut sources {
+        drive::tendons(source, &tree, &mut tendons, diagnostics);
+    }
+    let mut cuts = Vec::new();
+    for source in &mut sources {
+        drive::actuators(source, &mut tree, &mut tendons, diagnostics);
+        if flags.equality {
+            Equalities {
+                source,
+                tree: &mut tree,
+                tendons: &mut tendons,
+                diagnostics,
+                cuts: &mut cuts,
+            }
+            .read();
+        } else {
+            source.root.all("equality").for_each(Element::read_all);
         }
-        .read(&root)
-    } else {
-        root.all("equality").for_each(Element::read_all);
-        Vec::new()
-    };
+    }
     drive::into_joints(tendons, &mut tree, diagnostics);
     shifted(&tree, diagnostics);
     let help = "remove it, or expand it in MuJoCo (mj_saveLastXML)";

@@ -29,6 +29,9 @@ pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &m
     }
 }
 
+/// What is unread in the world of a file of which an `<attach>` places another part.
+const PARTS: [&str; 4] = ["body", "frame", "replicate", "attach"];
+
 /// First position and number of each unread part.
 type Found<'e> = BTreeMap<(&'e str, &'e str), (Span, usize)>;
 
@@ -42,7 +45,11 @@ fn visit<'e>(
     let known = harmless.get(tag).map_or(&[][..], Vec::as_slice);
     let is_harmless = harmless.get("*").is_some_and(|whole| whole.contains(&tag));
     if !element.is_read.get() {
-        if is_harmless {
+        if PARTS.contains(&tag) {
+            // and it may hold that part
+            let parts = element.children.iter().filter(|of| PARTS.contains(&&*of.name));
+            parts.for_each(|part| visit(part, (harmless, help), found, diagnostics));
+        } else if is_harmless {
             found.entry((tag, "")).or_insert((element.span, 0)).1 += 1;
         } else {
             let found = format!("the element {} is not read", quoted(tag));

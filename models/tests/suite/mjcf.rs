@@ -213,6 +213,11 @@ fn a_knee_of_polynomials_agrees_with_mujoco() {
 }
 
 #[test]
+fn attached_files_agree_with_mujoco() {
+    agrees("attached");
+}
+
+#[test]
 fn tendons_that_follow_each_other_along_polynomials_agree_with_mujoco() {
     agrees("tendons");
 }
@@ -370,6 +375,54 @@ fn files_are_read_below_the_first_files_folder_or_an_include_folder_only() {
     fs::write(inner.join("robot.xml"), "<mujoco><include file=\"robot.xml\"/></mujoco>").unwrap();
     let outcome = import(&inner.join("robot.xml"), None, &[], &Options::default());
     assert!(outcome.unwrap_err().to_string().contains("a second time"));
+    fs::remove_dir_all(root).unwrap();
+}
+
+/// A file that `part.xml` is attached to as `part`, with this around it.
+fn attaching(asset: &str, attach: &str) -> String {
+    let asset = format!("<asset><model name=\"part\" file=\"part.xml\"/>{asset}</asset>");
+    model(&asset, &format!("{BALL}{attach}"), "")
+}
+
+#[test]
+fn an_attached_file_is_refused_with_its_place() {
+    let root = std::env::temp_dir().join(format!("sarrus_attach_{}", std::process::id()));
+    fs::create_dir_all(&root).unwrap();
+    let write = |name: &str, text: &str| fs::write(root.join(name), text).unwrap();
+    let both = "<attach model=\"part\" body=\"b\" prefix=\"p_\"/>";
+    let part = "<body name=\"c\"><joint name=\"k\"/><geom size=\"0.1\"/></body>";
+    let plain = model("", BALL, "").replace("</worldbody>", &format!("{part}</worldbody>"));
+    let first = root.join("first.xml");
+    let read = |part: &str, first_text: &str| {
+        write("part.xml", part);
+        write("first.xml", first_text);
+        import(&first, None, &[], &Options::default())
+    };
+    let imported = read(&plain, &attaching("", both)).unwrap();
+    assert_eq!(imported.independent, ["j", "p_j"]);
+    let wobble = plain.replace("<joint ", "<joint wobble=\"1\" ");
+    let other = "<attach model=\"part\" body=\"c\" prefix=\"q_\"/>";
+    let twice = "<attach model=\"part\" body=\"b\" prefix=\"\"/>";
+    let tied = plain.replace("</mujoco>", "<equality><joint joint1=\"none\"/></equality></mujoco>");
+    let asset = |of: &str| attaching(of, both);
+    for (part, first, words) in [
+        (&*plain, asset("<model name=\"x\"/>"), "`model` has no `file`"),
+        (&plain, asset("<model file=\"none.xml\"/>"), "none.xml` cannot be opened"),
+        (&plain, asset("<model file=\"/etc/hosts\"/>"), "outside of the first file's folder"),
+        (&plain, attaching("", &both.replace("part", "nobody")), "the model `nobody`"),
+        (&plain, attaching("", &both.replace("prefix=\"p_\"", "")), "no `prefix`"),
+        (&plain, attaching("", &both.replace("\"b\"", "\"d\"")), "the body `d`"),
+        (&plain, attaching("", twice), "a second body is named `b`"),
+        ("<robot name=\"r\"/>", attaching("", both), "the root element `robot`"),
+        ("<mujoco><model/>", attaching("", both), "this is not XML"),
+        // what a part holds is known, though another `attach` leaves it out
+        (&wobble, attaching("", &format!("{both}{other}")), "the attribute `wobble`"),
+        (&tied, attaching("", both), "the hinge or slide `none`"),
+        (&attaching("", both), attaching("", both), "the model has too many files"),
+    ] {
+        let Err(LoadError::Faults(report)) = read(part, &first) else { panic!("{words}") };
+        assert!(report.errors.iter().any(|of| of.found.contains(words)), "{words}: {report}");
+    }
     fs::remove_dir_all(root).unwrap();
 }
 

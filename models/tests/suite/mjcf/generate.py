@@ -37,6 +37,12 @@ MODELS = {
         [],
         {"finger": {"a": 0.5, "b": 0.3, "f": 0.2}, "thumb": {"c": 1.0, "d": -0.4}},
     ),
+    "attached": (
+        "root r/roll l/front l/back l/end.left hip r/front r/back r/end.left turn "
+        "spare.left-0 spare.left-1",
+        [],
+        {f"{leg}/sum": {f"{leg}/front": 1.0, f"{leg}/back": 0.5} for leg in "lr"},
+    ),
 }
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 AMPLITUDES = [0.0, 0.05, 0.12]
