@@ -73,6 +73,9 @@ def read_robot(words):
     for j in range(words.number()):
         kind, parent, child = words.word(), words.number(), words.number()
         origin, axis = words.pose(), words.numbers(3)
+        damping, stiffness, _, rotor = words.numbers(4)
+        if kind not in "FRP" or damping or stiffness or rotor:
+            sys.exit("it knows no joints of several freedoms, springs, dampers and rotors")
         children[child] = (parent, origin)
         frame = plant.AddFrame(
             FixedOffsetFrame(f"frame{j}", bodies[parent].body_frame(), origin)
@@ -111,8 +114,13 @@ def read_robot(words):
             at = words.number()
             cut = at_zero[list(children)[at] if where == "joint" else at]
             ends = at_zero[p].inverse() @ cut, at_zero[s].inverse() @ cut
-        held = np.array([words.numbers(3) for _ in range(words.number())])
+        rows = np.array([words.numbers(6) for _ in range(words.number())])
+        if rows[:, :3].any():
+            sys.exit("it knows no loops that hold angles")
+        held = rows[:, 3:]
         loops.append((bodies[p].body_frame(), bodies[s].body_frame(), ends, held))
+    if words.named_list("couplings"):
+        sys.exit("it knows no couplings")
     plant.Finalize()
     places = [[joints[j].velocity_start() for j in which] for which in order]
     return plant, loops, places

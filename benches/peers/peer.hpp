@@ -5,15 +5,20 @@
 //   gravity x y z
 //   links N                         each: mass, x y z r p y of the centre of mass, ixx ixy ixz iyy
 //                                   iyz izz; mass 0 for none
-//   joints N                        each: F, R or P; parent link, child link, x y z r p y, axis
+//   joints N                        each: F, R, P, S (a ball), X (free) or I (it turns a rod about
+//                                   itself and stays at zero); parent link, child link, x y z r p
+//                                   y, axis; damping, stiffness, rest and the rotor's inertia
 //   tree n, independent n, active n each followed by joints, in the order of q, y and u
 //   groups n                        each: number of joints, the joints of one closed loop, or that
 //                                   stand alone
 //   loops n                         each: group, predecessor link, successor link, `joint J` or
 //                                   `link L` (the cut frames at zero) or
-//                                   `placed` and two times x y z r p y; number of rows, three
-//                                   numbers each: the held directions
-//   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier, the closed q, q̇
+//                                   `placed` and two times x y z r p y; number of rows, six
+//                                   numbers each: a held axis or a held direction
+//   couplings n                     each: joint; number of joints that it follows, with multipliers;
+//                                   offset
+//   states n                        each: y, ẏ, ÿ, τ_u, a closed q 1 ms earlier, the closed q, q̇;
+//                                   quaternions x y z w, rates of S and X in the body, ω before v
 // Out: `engine NAME`, then for each method
 //   run STATE|ID|FD|DID|DFD METHOD; SETTING; NANOSECONDS    and a line of numbers for each state: q,
 //                                   τ_u or ÿ, these with their derivatives by y, ẏ and, of ÿ, τ_u
@@ -99,13 +104,25 @@ struct Joint {
     int parent, child;
     Frame origin;
     Vec3 axis;
+    double damping, stiffness, rest, rotor;
+
+    int n_q() const { return kind == 'X' ? 7 : kind == 'S' ? 4 : kind != 'F'; }
+    int n_v() const { return kind == 'X' ? 6 : kind == 'S' ? 3 : kind != 'F'; }
 };
 
 struct Loop {
     int group, predecessor, successor;
     Frame on_predecessor, on_successor;
-    // directions of the predecessor's frame along which the ends may not part
-    std::vector<Vec3> held;
+    // directions of the predecessor's frame along which the ends may not part, and axes about which
+    // they may not turn
+    std::vector<Vec3> held, fixed;
+};
+
+// A joint at a sum of multiples of others and an offset.
+struct Coupling {
+    int joint;
+    std::vector<std::pair<int, double>> terms;
+    double offset;
 };
 
 struct State {
@@ -120,6 +137,7 @@ struct Input {
     std::vector<int> tree, independent, active;
     std::vector<std::vector<int>> groups;
     std::vector<Loop> loops;
+    std::vector<Coupling> couplings;
     std::vector<State> states;
 };
 
@@ -161,8 +179,15 @@ inline Frame read_frame() {
     return frame;
 }
 
-inline Input read_input() {
+// A robot for a program that knows joints F, R and P without springs, dampers, rotors and
+// couplings, and loops that hold no angle; for one that knows all of them with `is_general`.
+inline Input read_input(bool is_general = false) {
     Input input;
+    const auto needs = [&](bool is_special) {
+        if (is_special && !is_general)
+            stop("it knows no joints of several freedoms, no springs, dampers, rotors and "
+                 "couplings, and no loops that hold angles");
+    };
     expect("seconds");
     input.seconds = read<double>();
     expect("gravity");
@@ -183,6 +208,12 @@ inline Input read_input() {
         joint.axis = read_numbers<3>();
         const double length = std::hypot(joint.axis[0], joint.axis[1], joint.axis[2]);
         for (double& x : joint.axis) x /= length;
+        joint.damping = read<double>();
+        joint.stiffness = read<double>();
+        joint.rest = read<double>();
+        joint.rotor = read<double>();
+        needs(std::string("FRP").find(joint.kind) == std::string::npos || joint.damping != 0
+            || joint.stiffness != 0 || joint.rotor != 0);
         input.joints.push_back(joint);
     }
     expect("tree");
@@ -225,15 +256,36 @@ inline Input read_input() {
             loop.on_predecessor = at_zero.at(loop.predecessor).inverse() * cut;
             loop.on_successor = at_zero.at(loop.successor).inverse() * cut;
         }
-        for (int rows = read<int>(); rows > 0; rows--) loop.held.push_back(read_numbers<3>());
+        for (int rows = read<int>(); rows > 0; rows--) {
+            const Vec3 axis = read_numbers<3>(), direction = read_numbers<3>();
+            const bool turns = axis != Vec3{};
+            if (turns && direction != Vec3{}) stop("a row holds an axis and a direction");
+            needs(turns);
+            (turns ? loop.fixed : loop.held).push_back(turns ? axis : direction);
+        }
         input.loops.push_back(loop);
+    }
+    expect("couplings");
+    for (int n = read<int>(); n > 0; n--) {
+        needs(true);
+        Coupling coupling{read<int>(), {}, 0};
+        for (int terms = read<int>(); terms > 0; terms--) {
+            const int joint = read<int>();
+            coupling.terms.emplace_back(joint, read<double>());
+        }
+        coupling.offset = read<double>();
+        input.couplings.push_back(coupling);
     }
     expect("states");
     for (int n = read<int>(); n > 0; n--) {
-        const size_t p = input.independent.size();
-        State state{std::vector<double>(p), std::vector<double>(p), std::vector<double>(p),
-            std::vector<double>(input.active.size()), std::vector<double>(input.tree.size()),
-            std::vector<double>(input.tree.size()), std::vector<double>(input.tree.size())};
+        const auto zeros = [&](const std::vector<int>& joints, bool positions) {
+            size_t n = 0;
+            for (int j : joints) n += positions ? input.joints[j].n_q() : input.joints[j].n_v();
+            return std::vector<double>(n);
+        };
+        const auto y = zeros(input.independent, true), yd = zeros(input.independent, false),
+                   q = zeros(input.tree, true), qd = zeros(input.tree, false);
+        State state{y, yd, yd, zeros(input.active, false), q, q, qd};
         for (auto* x : {&state.y, &state.yd, &state.ydd, &state.tau_u, &state.guess, &state.q,
                  &state.qd})
             for (double& value : *x) value = read<double>();

@@ -39,13 +39,27 @@ struct Place {
     pin::SE3 on_joint = pin::SE3::Identity();
 };
 
-// A cut: both frames, the held directions, and the velocities that move one end only.
+// A cut: both frames, the held directions and axes, and the velocities that move one end only.
 struct Loop {
-    int group = 0, row = 0, n_rows = 0;
+    int group = 0, row = 0, n_held = 0, n_fixed = 0;
     pin::JointIndex predecessor = 0, successor = 0;
     pin::SE3 on_predecessor, on_successor;
-    Matrix3d directions = Matrix3d::Zero();
+    Matrix3d directions = Matrix3d::Zero(), axes = Matrix3d::Zero();
     std::vector<int> before, behind;
+};
+
+// A damper and a spring of a joint, by its velocity and its position.
+struct Spring {
+    int v, q;
+    double damping, stiffness, rest;
+};
+
+// A row that is linear in positions: their factors by velocity, the position of each, the offset.
+struct Linear {
+    std::vector<std::pair<int, double>> factors;
+    std::vector<int> positions;
+    double offset;
+    int row = 0;
 };
 
 // Joints that loops tie together.
@@ -53,7 +67,6 @@ struct Group {
     std::vector<int> tree, independent, dependent, active;
     // places among y and u
     std::vector<int> y, u;
-    std::vector<size_t> loops;
     int row = 0, n_rows = 0;
     // dependent velocities per independent one, from the last factorisation of K_d
     Block G;
@@ -64,8 +77,12 @@ struct Robot {
     pin::Model model;
     std::vector<Loop> loops;
     std::vector<Group> groups;
-    // velocities in the order of q, y and u
-    std::vector<int> tree, independent, active;
+    // positions in the order of q and y (-1 for one that stays at zero), velocities in that of ẏ, u
+    std::vector<int> tree, y, independent, active;
+    std::vector<Spring> springs;
+    std::vector<Linear> couplings;
+    // each group has as many actuators as freedoms; some loop holds an angle
+    bool is_square = true, holds_angles = false;
 };
 
 struct State {
@@ -87,6 +104,8 @@ static VectorXd vector(const std::vector<double>& x) {
 
 // The joint type that Pinocchio's own reader takes: aligned with an axis where that is exact.
 static pin::JointModel joint_model(char kind, const Vector3d& axis) {
+    if (kind == 'S') return pin::JointModel(pin::JointModelSpherical());
+    if (kind == 'X') return pin::JointModel(pin::JointModelFreeFlyer());
     const bool turns = kind == 'R';
     if (axis == Vector3d::UnitX()) return turns ? pin::JointModel(pin::JointModelRX())
         : pin::JointModel(pin::JointModelPX());
@@ -118,7 +137,7 @@ static Robot robot_of(const peer::Input& input) {
 
     // depth first, as Pinocchio wants it; fixed joints are merged away
     std::vector<Place> places(inertias.size());
-    std::vector<int> velocity(joints.size(), -1);
+    std::vector<int> velocity(joints.size(), -1), position(joints.size(), -1);
     const std::function<void(int)> add = [&](int link) {
         const Place& on = places[link];
         if (on.joint > 0 && inertias[link].mass() > 0) model.appendBodyToJoint(on.joint,
@@ -127,12 +146,17 @@ static Robot robot_of(const peer::Input& input) {
             const peer::Joint& joint = joints[j];
             if (joint.parent != link) continue;
             Place place{places[link].joint, places[link].on_joint * se3(joint.origin)};
-            if (joint.kind != 'F') {
+            if (joint.kind != 'F' && joint.kind != 'I') {
                 const Vector3d axis(joint.axis.data());
                 place.joint = model.addJoint(place.joint, joint_model(joint.kind, axis),
                     place.on_joint, "joint" + std::to_string(j));
                 place.on_joint.setIdentity();
                 velocity[j] = model.joints[place.joint].idx_v();
+                position[j] = model.joints[place.joint].idx_q();
+                model.armature[velocity[j]] = joint.rotor;
+                if (joint.damping != 0 || joint.stiffness != 0)
+                    robot.springs.push_back({velocity[j], position[j], joint.damping,
+                        joint.stiffness, joint.rest});
             }
             places[joint.child] = place;
             add(joint.child);
@@ -141,11 +165,23 @@ static Robot robot_of(const peer::Input& input) {
     for (size_t link = 0; link < inertias.size(); link++)
         if (!is_child[link]) add(static_cast<int>(link));
 
-    const auto velocities = [&](std::vector<int> list) {
-        for (int& j : list) j = velocity.at(j);
-        return list;
+    const auto velocities = [&](const std::vector<int>& list) {
+        std::vector<int> found;
+        for (int j : list)
+            for (int k = 0, n = joints[j].n_v(); velocity.at(j) >= 0 && k < n; k++)
+                // of a free joint Pinocchio has v before ω
+                found.push_back(velocity[j] + (n == 6 ? (k + 3) % 6 : k));
+        return found;
     };
-    robot.tree = velocities(input.tree);
+    const auto positions = [&](const std::vector<int>& list) {
+        std::vector<int> found;
+        for (int j : list)
+            for (int k = 0; k < joints[j].n_q(); k++)
+                found.push_back(position.at(j) < 0 ? -1 : position[j] + k);
+        return found;
+    };
+    robot.tree = positions(input.tree);
+    robot.y = positions(input.independent);
     robot.independent = velocities(input.independent);
     robot.active = velocities(input.active);
     const auto place_in = [](const std::vector<int>& list, int x) {
@@ -162,15 +198,16 @@ static Robot robot_of(const peer::Input& input) {
             if (y < 0) group.dependent.push_back(v);
             if (u >= 0) group.active.push_back(v), group.u.push_back(u);
         }
-        if (group.active.size() != group.independent.size())
-            stop("a group has not as many actuators as freedoms");
+        if (group.active.size() != group.independent.size()) robot.is_square = false;
         if (group.tree.size() > LARGEST) stop("a group is too large");
     }
 
     // velocities from a joint to the root
     const auto support = [&](pin::JointIndex j) {
         std::vector<int> list;
-        for (; j > 0; j = model.parents[j]) list.push_back(model.joints[j].idx_v());
+        for (; j > 0; j = model.parents[j])
+            for (int k = 0; k < model.joints[j].nv(); k++)
+                list.push_back(model.joints[j].idx_v() + k);
         return list;
     };
     for (const peer::Loop& given : input.loops) {
@@ -182,10 +219,15 @@ static Robot robot_of(const peer::Input& input) {
         loop.successor = successor.joint;
         loop.on_predecessor = predecessor.on_joint * se3(given.on_predecessor);
         loop.on_successor = successor.on_joint * se3(given.on_successor);
-        loop.n_rows = static_cast<int>(given.held.size());
-        if (loop.n_rows > 3) stop("a loop has more than three rows");
-        for (int a = 0; a < loop.n_rows; a++)
-            loop.directions.row(a) = Vector3d(given.held[a].data()).transpose();
+        const auto rows = [](const std::vector<peer::Vec3>& given, Matrix3d& rows) {
+            if (given.size() > 3) stop("a loop has more than three rows of a kind");
+            for (size_t a = 0; a < given.size(); a++)
+                rows.row(a) = Vector3d(given[a].data()).transpose();
+            return static_cast<int>(given.size());
+        };
+        loop.n_held = rows(given.held, loop.directions);
+        loop.n_fixed = rows(given.fixed, loop.axes);
+        robot.holds_angles |= loop.n_fixed > 0;
         const std::vector<int> p = support(loop.predecessor), s = support(loop.successor);
         for (int v : p)
             if (place_in(s, v) < 0) loop.before.push_back(v);
@@ -201,8 +243,20 @@ static Robot robot_of(const peer::Input& input) {
         for (size_t l = 0; l < robot.loops.size(); l++) {
             if (robot.loops[l].group != static_cast<int>(k)) continue;
             robot.loops[l].row = row;
-            row += robot.loops[l].n_rows;
-            group.loops.push_back(l);
+            row += robot.loops[l].n_held + robot.loops[l].n_fixed;
+        }
+        for (const peer::Coupling& given : input.couplings) {
+            if (place_in(group.tree, velocity[given.joint]) < 0) continue;
+            Linear& of = robot.couplings.emplace_back();
+            of.row = row++;
+            of.offset = given.offset;
+            const auto add = [&](int joint, double factor) {
+                if (place_in(group.tree, velocity[joint]) < 0) stop("a coupling joins groups");
+                of.factors.emplace_back(velocity[joint], factor);
+                of.positions.push_back(position[joint]);
+            };
+            add(given.joint, 1);
+            for (const auto& [joint, multiplier] : given.terms) add(joint, -multiplier);
         }
         group.n_rows = row - group.row;
         if (group.n_rows != static_cast<int>(group.dependent.size()))
@@ -218,14 +272,15 @@ struct Closed {
     const pin::Model& model;
     pin::Data data;
     std::vector<Group> groups;
-    VectorXd phi, k, q, qd, qdd, g, zero, tau, reduced;
+    VectorXd phi, k, q, next, change, qd, qdd, g, zero, tau, reduced;
     MatrixXd K, M, MG, My;
     Eigen::LLT<MatrixXd> factors;
 
     explicit Closed(const Robot& robot) : robot(robot), model(robot.model), data(robot.model),
         groups(robot.groups) {
         const int n = model.nv, p = static_cast<int>(robot.independent.size()), m = n - p;
-        for (VectorXd* x : {&q, &qd, &qdd, &g, &zero, &tau}) x->setZero(n);
+        q = next = pin::neutral(model);
+        for (VectorXd* x : {&change, &qd, &qdd, &g, &zero, &tau}) x->setZero(n);
         for (VectorXd* x : {&phi, &k}) x->setZero(m);
         reduced.setZero(p);
         K.setZero(m, n);
@@ -244,14 +299,34 @@ struct Closed {
             const Vector3d at = S.translation();
             const Matrix3d A = loop.directions * P.rotation().transpose();
             const Vector3d gap = A * (at - P.translation());
-            phi.segment(loop.row, loop.n_rows) = gap.head(loop.n_rows);
+            const int angles = loop.row + loop.n_held;
+            phi.segment(loop.row, loop.n_held) = gap.head(loop.n_held);
+            Matrix3d B;
+            if (loop.n_fixed > 0) {
+                B = loop.axes * P.rotation().transpose();
+                const Matrix3d D = P.rotation().transpose() * S.rotation();
+                const Vector3d turn = loop.axes * Vector3d(D(2, 1) - D(1, 2), D(0, 2) - D(2, 0),
+                    D(1, 0) - D(0, 1)) / 2;
+                phi.segment(angles, loop.n_fixed) = turn.head(loop.n_fixed);
+            }
             const auto column = [&](int v, double sign) {
                 const Vector3d moved = A * (data.J.col(v).head<3>()
                     + data.J.col(v).tail<3>().cross(at));
-                K.col(v).segment(loop.row, loop.n_rows) = sign * moved.head(loop.n_rows);
+                K.col(v).segment(loop.row, loop.n_held) = sign * moved.head(loop.n_held);
+                if (loop.n_fixed == 0) return;
+                const Vector3d turned = B * data.J.col(v).tail<3>();
+                K.col(v).segment(angles, loop.n_fixed) = sign * turned.head(loop.n_fixed);
             };
             for (int v : loop.behind) column(v, 1);
             for (int v : loop.before) column(v, -1);
+        }
+        for (const Linear& of : robot.couplings) {
+            phi(of.row) = -of.offset;
+            for (size_t i = 0; i < of.factors.size(); i++) {
+                const auto& [v, factor] = of.factors[i];
+                phi(of.row) += factor * q(of.positions[i]);
+                K(of.row, v) = factor;
+            }
         }
     }
 
@@ -264,8 +339,9 @@ struct Closed {
 
     // Newton's method for the dependent joints; K is at q, or a step of tolerance² away
     void close(const State& state, double tolerance) {
-        for (size_t i = 0; i < robot.tree.size(); i++) q(robot.tree[i]) = state.guess(i);
-        for (size_t i = 0; i < robot.independent.size(); i++) q(robot.independent[i]) = state.y(i);
+        for (size_t i = 0; i < robot.tree.size(); i++)
+            if (robot.tree[i] >= 0) q(robot.tree[i]) = state.guess(i);
+        for (size_t i = 0; i < robot.y.size(); i++) q(robot.y[i]) = state.y(i);
         for (int step = 0; step < 20; step++) {
             constraints();
             if (phi.size() == 0 || phi.lpNorm<Eigen::Infinity>() < tolerance) break;
@@ -273,8 +349,14 @@ struct Closed {
                 if (group.n_rows == 0) continue;
                 factorise(group);
                 const Part d = group.factors.solve(Part(phi.segment(group.row, group.n_rows)));
-                for (int i = 0; i < group.n_rows; i++) q(group.dependent[i]) -= d(i);
+                if (model.nq == model.nv)
+                    for (int i = 0; i < group.n_rows; i++) q(group.dependent[i]) -= d(i);
+                else
+                    for (int i = 0; i < group.n_rows; i++) change(group.dependent[i]) = -d(i);
             }
+            if (model.nq == model.nv) continue;
+            pin::integrate(model, q, change, next);
+            q.swap(next);
         }
     }
 
@@ -323,7 +405,11 @@ struct Closed {
             const Vector3d seen = s.a - p.a - p.wd.cross(r) - 2 * p.w.cross(rd)
                 + p.w.cross(p.w.cross(r));
             const Vector3d a = loop.directions * (p.at.rotation().transpose() * seen);
-            k.segment(loop.row, loop.n_rows) = -a.head(loop.n_rows);
+            k.segment(loop.row, loop.n_held) = -a.head(loop.n_held);
+            if (loop.n_fixed == 0) continue;
+            const Vector3d b = loop.axes
+                * (p.at.rotation().transpose() * (s.wd - p.wd - p.w.cross(s.w - p.w)));
+            k.segment(loop.row + loop.n_held, loop.n_fixed) = -b.head(loop.n_fixed);
         }
         for (const Group& group : groups) {
             if (group.n_rows == 0) continue;
@@ -354,13 +440,21 @@ struct Closed {
         velocities(state);
     }
 
+    // what springs and dampers take of joint forces
+    void resist(VectorXd& tau, double sign) const {
+        for (const Spring& of : robot.springs)
+            tau(of.v) += sign * (of.damping * qd(of.v) + of.stiffness * (q(of.q) - of.rest));
+    }
+
     // τ_u from y, ẏ, ÿ
     void inverse_dynamics(const State& state, double tolerance, VectorXd& tau_u) {
         this->state(state, tolerance);
         bias();
         spread(state.ydd, qdd);
         qdd += g;
-        gather(pin::rnea(model, data, q, qd, qdd), reduced);
+        pin::rnea(model, data, q, qd, qdd);
+        resist(data.tau, 1);
+        gather(data.tau, reduced);
         // G_uᵀ τ_u = τ_y, group by group
         for (const Group& group : groups) {
             const int n = static_cast<int>(group.y.size());
@@ -391,6 +485,7 @@ struct Closed {
         this->state(state, tolerance);
         bias();
         tau = -pin::rnea(model, data, q, qd, g);
+        resist(tau, -1);
         for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) += state.tau_u(a);
         gather(tau, reduced);
         pin::crba(model, data, q, pin::Convention::LOCAL);
@@ -446,7 +541,9 @@ struct Proximal {
         pin::ProximalSettings& settings, VectorXd& ydd) {
         closed.state(state, 1e-12);
         const Robot& robot = closed.robot;
+        tau.setZero();
         for (size_t a = 0; a < robot.active.size(); a++) tau(robot.active[a]) = state.tau_u(a);
+        closed.resist(tau, -1);
         const VectorXd& qdd = recursive ? pin::lcaba(model, data, closed.q, closed.qd, tau,
             constraints, datas, settings)
                                         : pin::constraintDynamics(model, data, closed.q, closed.qd,
@@ -456,9 +553,10 @@ struct Proximal {
 };
 
 int main() {
-    const peer::Input input = peer::read_input();
+    const peer::Input input = peer::read_input(true);
     const Robot robot = robot_of(input);
-    const int n = robot.model.nv, p = static_cast<int>(robot.independent.size());
+    const int n = static_cast<int>(robot.tree.size()), p =
+        static_cast<int>(robot.independent.size());
     std::vector<State> states;
     for (const peer::State& of : input.states)
         states.push_back({vector(of.y), vector(of.yd), vector(of.ydd), vector(of.tau_u),
@@ -476,9 +574,9 @@ int main() {
         const std::string setting = std::string("; tolerance ") + text;
         add("STATE Newton and G" + setting, q, [&, tolerance](const State& state) {
             closed.state(state, tolerance);
-            for (int i = 0; i < n; i++) q(i) = closed.q(robot.tree[i]);
+            for (int i = 0; i < n; i++) q(i) = robot.tree[i] < 0 ? 0 : closed.q(robot.tree[i]);
         });
-        add("ID RNEA, explicit G" + setting, tau_u, [&, tolerance](const State& state) {
+        if (robot.is_square) add("ID RNEA, explicit G" + setting, tau_u, [&, tolerance](const State& state) {
             closed.inverse_dynamics(state, tolerance, tau_u);
         });
         add("FD CRBA, explicit G" + setting, ydd, [&, tolerance](const State& state) {
@@ -514,7 +612,7 @@ int main() {
     VectorXd did(p + 2 * p * p), dfd(p + 3 * p * p);
     for (const char* text : {"1e-3", "1e-4", "1e-5", "1e-6", "1e-7"}) {
         // of a long chain nobody asks for them: a call takes a tenth of a second
-        if (p > 64) break;
+        if (p > 64 || !robot.is_square || robot.y.size() != robot.independent.size()) break;
         const std::string setting = std::string("; step ") + text;
         add("DID differences of RNEA, explicit G" + setting, did,
             differences(false, std::atof(text), did));
@@ -526,7 +624,7 @@ int main() {
     for (const bool recursive : {false, true})
         for (const char* mu : {"1e-10", "1e-8", "1e-6", "1e-4"})
             for (const int iterations : {1, 2, 3}) {
-                if (robot.loops.empty()) continue;
+                if (robot.loops.empty() || robot.holds_angles || !robot.couplings.empty()) continue;
                 const std::string name = recursive ? "FD lcaba" : "FD constraintDynamics";
                 Proximal& proximal = recursive ? articulated : whole;
                 pin::ProximalSettings settings(1e-14, std::atof(mu), iterations);

@@ -14,6 +14,8 @@ use crate::urdf::parse;
 
 /// Most files of one model.
 pub(super) const MOST_FILES: usize = 256;
+/// Most files within each other.
+const DEEPEST: usize = 32;
 
 /// An element.
 pub(crate) struct Element {
@@ -52,7 +54,7 @@ impl Element {
         self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
     }
 
-    /// What it is named, unread.
+    /// Its `name`, which stays unread.
     pub(crate) fn name(&self) -> &str {
         let name = self.attributes.iter().find(|of| of.name == "name");
         name.map_or("", |of| of.value.trim())
@@ -101,9 +103,10 @@ pub(crate) struct Files {
     /// The folder of the model that is read, from that of the first file, and its files.
     base: PathBuf,
     read: Vec<PathBuf>,
-    /// The number of files that others name, and their size.
+    /// The number of files that others name, their size, and how many of them are open.
     count: usize,
     size: usize,
+    depth: usize,
 }
 
 impl Files {
@@ -256,7 +259,8 @@ fn nested(
     files.count += 1;
     files.size += bytes.len();
     let is_second = files.read.contains(&real);
-    if is_second || files.count >= MOST_FILES || files.size > LARGEST {
+    let is_too_many = files.count >= MOST_FILES || files.size > LARGEST || files.depth >= DEEPEST;
+    if is_second || is_too_many {
         let found = match is_second {
             true => format!("the file {} is included a second time", quoted(&file.value)),
             false => format!("with {} the model has too many files", quoted(&file.value)),
@@ -264,7 +268,10 @@ fn nested(
         return diagnostics.refused(file.span, found, "each file once", "remove one of them");
     }
     files.read.push(real);
-    read(&name, bytes, files, diagnostics)
+    files.depth += 1;
+    let root = read(&name, bytes, files, diagnostics);
+    files.depth -= 1;
+    root
 }
 
 /// Puts the file that a `<model>` names into it.

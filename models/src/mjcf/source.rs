@@ -24,12 +24,12 @@ pub(super) struct Source<'e> {
     folder: PathBuf,
     prefix: String,
     pub(super) suffix: String,
-    /// Tags and names of what is left out.
+    /// Tags and names of the elements that are left out.
     outside: BTreeSet<(&'e str, &'e str)>,
 }
 
 impl<'e> Source<'e> {
-    /// The first file.
+    /// A file that keeps its names.
     pub(super) fn new(
         root: &'e Element,
         files: &'e Files,
@@ -57,7 +57,8 @@ impl<'e> Source<'e> {
         diagnostics: &mut Diagnostics,
     ) -> Option<Source<'e>> {
         let name = item.text("model").unwrap_or_default();
-        let mut models = self.root.all("asset").flat_map(|of| of.all("model"));
+        let assets = self.root.all("asset").flat_map(|of| &of.children);
+        let mut models = assets.filter(|of| of.name == "model");
         let root = |of: &&'e Element| of.children.first();
         let own = |of: &&'e Element| of.text("name").or(root(of).and_then(|of| of.text("model")));
         let Some(model) = models.find(|of| own(of) == Some(name)) else {
@@ -67,6 +68,7 @@ impl<'e> Source<'e> {
         let Some(prefix) = item.text("prefix") else {
             return diagnostics.refused(item.span(), "no `prefix`", "a prefix of names", "add it");
         };
+        model.is_read.set(true);
         // an error has said why a file is not there
         let root = root(&model)?;
         let file = Path::new(model.text("file").unwrap_or_default());
@@ -105,7 +107,7 @@ impl<'e> Source<'e> {
         }
     }
 
-    /// The name in the tree of what an attribute refers to.
+    /// The name in the tree of the element that an attribute refers to.
     pub(super) fn refers(&self, item: &Item<'_>, name: &str) -> Option<String> {
         item.text(name).map(|written| self.name(written, &self.suffix))
     }
@@ -114,7 +116,9 @@ impl<'e> Source<'e> {
         let part = self.part;
         let is_part = |of: &Element| part.is_some_and(|part| std::ptr::eq(part, of));
         for child in element.children.iter().filter(|of| !is_part(of)) {
-            self.outside.insert((&child.name, child.name()));
+            if !child.name().is_empty() {
+                self.outside.insert((&child.name, child.name()));
+            }
             self.leave_out(child);
         }
     }

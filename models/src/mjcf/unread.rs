@@ -29,7 +29,7 @@ pub(crate) fn report(root: &Element, harmless: &str, help: &str, diagnostics: &m
     }
 }
 
-/// What is unread in the world of a file of which an `<attach>` places another part.
+/// Elements that are unread where an `<attach>` places another part of their file.
 const PARTS: [&str; 4] = ["body", "frame", "replicate", "attach"];
 
 /// First position and number of each unread part.

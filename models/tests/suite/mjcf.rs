@@ -398,8 +398,17 @@ fn an_attached_file_is_refused_with_its_place() {
         write("first.xml", first_text);
         import(&first, None, &[], &Options::default())
     };
-    let imported = read(&plain, &attaching("", both)).unwrap();
-    assert_eq!(imported.independent, ["j", "p_j"]);
+    // a model that nothing attaches is left out, and the second of a part's two names is empty
+    fs::copy(folder().join("parts/claw.xml"), root.join("unused.xml")).unwrap();
+    let unused = "<model name=\"a\" file=\"unused.xml\"/><model name=\"z\" file=\"unused.xml\"/>";
+    let tie = "<body><joint/><geom size=\"1\"/></body></worldbody>\
+        <equality><joint joint1=\"j\" joint2=\"\"/></equality>";
+    let held = plain.replace("</worldbody>", tie);
+    for (part, independent) in [(&plain, &["j", "p_j"][..]), (&held, &["j"])] {
+        let first = attaching("", both).replace("<asset>", &format!("<asset>{unused}"));
+        let imported = read(part, &first).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(imported.independent, independent);
+    }
     let wobble = plain.replace("<joint ", "<joint wobble=\"1\" ");
     let other = "<attach model=\"part\" body=\"c\" prefix=\"q_\"/>";
     let twice = "<attach model=\"part\" body=\"b\" prefix=\"\"/>";

@@ -3,8 +3,8 @@
 
 use core::fmt::Display;
 
-use sarrus_dynamics::description::{Cut, Description, JointKind, Loop, Placement};
-use sarrus_dynamics::{Field, FieldSet, Planned, Query, Request, Status, loops_of};
+use sarrus_dynamics::description::{Cut, Description, JointKind, Loop, Placement, Row, Terms};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status, loops_of};
 
 use crate::robots::{Robot, packed};
 
@@ -20,9 +20,10 @@ pub(super) fn input(robot: &Robot, place: usize, seconds: f64) -> Result<String,
     text.numbers("gravity", &description.gravity);
 
     text.links(description);
-    text.joints(description)?;
+    text.joints(description, model)?;
     text.groups(description);
-    text.loops(description)?;
+    text.loops(description, model)?;
+    text.couplings(description)?;
     text.line("states", [states.len()]);
     for state in states {
         closed.input = packed(&closed.plan, state, place);
@@ -55,24 +56,25 @@ impl Text {
         }
     }
 
-    fn joints(&mut self, description: &Description) -> Result<(), String> {
+    fn joints(&mut self, description: &Description, model: &Model) -> Result<(), String> {
         self.line("joints", [description.joints.len()]);
+        let closures = model.closures();
         for joint in &description.joints {
+            let is_idle = closures.iter().any(|of| of.idle.contains(&joint.name));
             let kind = match joint.kind {
+                _ if is_idle => "I",
                 JointKind::Fixed => "F",
                 JointKind::Revolute | JointKind::Continuous => "R",
                 JointKind::Prismatic => "P",
-                _ => return Err(format!("the joint {} has several freedoms", joint.name)),
+                JointKind::Spherical => "S",
+                JointKind::Floating => "X",
+                _ => return Err(format!("the joint {} is of another type", joint.name)),
             };
-            if joint.coupling.is_some() || joint.terms != Default::default() {
-                return Err(format!(
-                    "the joint {} has a coupling, a spring, a damper or a rotor",
-                    joint.name
-                ));
-            }
             self.0 += &format!("{kind} {} {} ", joint.parent, joint.child);
             self.placement(&joint.origin);
             self.numbers("", &joint.axis);
+            let Terms { damping, stiffness, rest, rotor_inertia, gear_ratio, .. } = joint.terms;
+            self.numbers("", &[damping, stiffness, rest, gear_ratio.powi(2) * rotor_inertia]);
         }
         Ok(())
     }
@@ -91,7 +93,10 @@ impl Text {
         parts.iter().for_each(|part| self.list("", &part.spanning_tree));
     }
 
-    fn loops(&mut self, description: &Description) -> Result<(), String> {
+    /// The loops by rows that are independent.
+    fn loops(&mut self, description: &Description, model: &Model) -> Result<(), String> {
+        let redundant: Vec<String> =
+            model.closures_at_zero().into_iter().flat_map(|of| of.redundant).collect();
         let all: Vec<Vec<Loop>> =
             (0..description.submechanisms.len()).map(|s| loops_of(description, s)).collect();
         self.line("loops", [all.iter().map(Vec::len).sum::<usize>()]);
@@ -108,14 +113,34 @@ impl Text {
                     }
                     _ => return Err(format!("the cut {} is of another kind", each.name)),
                 }
-                self.line("", [each.rows.len()]);
-                for row in &each.rows {
-                    if row.axis[..3] != [0.0; 3] || row.against.is_some() {
-                        return Err(format!("the loop {} holds an angle", each.name));
+                let is_held =
+                    |row: &&Row| !redundant.contains(&format!("{}/{}", each.name, row.name));
+                let rows: Vec<&Row> = each.rows.iter().filter(is_held).collect();
+                self.line("", [rows.len()]);
+                for row in rows {
+                    if row.against.is_some() {
+                        return Err(format!("the loop {} holds two axes", each.name));
                     }
-                    self.numbers("", &row.axis[3..]);
+                    self.numbers("", &row.axis);
                 }
             }
+        }
+        Ok(())
+    }
+
+    fn couplings(&mut self, description: &Description) -> Result<(), String> {
+        let coupled = description.joints.iter().enumerate();
+        let coupled = coupled.filter_map(|(j, joint)| Some((j, joint, joint.coupling.as_ref()?)));
+        self.line("couplings", [coupled.clone().count()]);
+        for (j, joint, coupling) in coupled {
+            if !coupling.curves.is_empty() {
+                return Err(format!("the joint {} follows a curve", joint.name));
+            }
+            self.line(&j.to_string(), [coupling.terms.len()]);
+            for (master, multiplier) in &coupling.terms {
+                self.0 += &format!("{master} {multiplier:e} ");
+            }
+            self.numbers("", &[coupling.offset]);
         }
         Ok(())
     }
