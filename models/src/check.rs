@@ -119,41 +119,27 @@ fn names<S: Serializer>(model: &Option<ModelInfo>, serializer: S) -> Result<S::O
 }
 
 fn steps_and_time<S: Serializer>(bound: &Option<Bound>, to: S) -> Result<S::Ok, S::Error> {
-    bound.map(BoundReport::from).serialize(to)
-}
-
-/// A bound as `check --format json` prints it.
-#[derive(Serialize)]
-struct BoundReport {
-    steps: u32,
-    ns: f64,
-}
-
-impl From<Bound> for BoundReport {
-    fn from(Bound { steps, ns }: Bound) -> BoundReport {
-        BoundReport { steps, ns: ns.round() }
+    #[derive(Serialize)]
+    struct Written {
+        steps: u32,
+        ns: f64,
     }
-}
-
-/// A part as `check --format json` prints it.
-#[derive(Serialize)]
-struct PartReport<'a> {
-    method: &'a str,
-    rows: usize,
-    joints: &'a [String],
-}
-
-impl<'a> From<&'a Part> for PartReport<'a> {
-    fn from(Part { method, rows, joints }: &'a Part) -> PartReport<'a> {
-        PartReport { method, rows: *rows, joints }
-    }
+    bound.map(|Bound { steps, ns }| Written { steps, ns: ns.round() }).serialize(to)
 }
 
 impl Serialize for ClosureReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Written<'a> {
+            method: &'a str,
+            rows: usize,
+            joints: &'a [String],
+        }
         let ClosureReport { closure, redundant, branch, sigma_min, cond, .. } = self;
         let ClosureReport { singular, seeds, parts, .. } = self;
         let ClosureInfo { name, type_name, kind, rows, rank, idle, length: _, misfit } = closure;
+        let parts =
+            parts.iter().map(|of| Written { method: of.method, rows: of.rows, joints: &of.joints });
         let mut object = serializer.serialize_struct("ClosureReport", 15)?;
         object.serialize_field("name", name)?;
         object.serialize_field("type", type_name)?;
@@ -170,7 +156,7 @@ impl Serialize for ClosureReport {
         object.serialize_field("singular", singular)?;
         object.serialize_field("seed_cells", &seeds.0)?;
         object.serialize_field("seed_bytes", &seeds.1)?;
-        object.serialize_field("parts", &parts.iter().map(PartReport::from).collect::<Vec<_>>())?;
+        object.serialize_field("parts", &parts.collect::<Vec<_>>())?;
         object.end()
     }
 }

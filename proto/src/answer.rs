@@ -44,85 +44,56 @@ pub struct FailedState {
     pub status: Status,
 }
 
+/// The words of a status, a line each.
+macro_rules! words {
+    ($status:expr; $($variant:ident: $words:literal;)*) => {
+        match $status { $(Status::$variant => $words,)* }
+    };
+}
+
 impl FailedState {
     /// The meaning of the status and its remedy, in one sentence.
     pub const fn help(self) -> &'static str {
-        match self.status {
-            Status::Ok => "the answer is complete",
-            Status::BadRequest => {
-                "the request is malformed; see that quaternions have unit length and that client \
-                 and server are of one version"
-            }
-            Status::NonFiniteInput => {
-                "an input number is NaN or infinite, or so large that the answer would be; check \
-                 what computes it"
-            }
-            Status::WrongSize => {
-                "the arrays do not fit the plan; see how many numbers it takes and how many it \
-                 gives"
-            }
-            Status::WrongModel => {
-                "plan, workspace and model do not belong together, or the server holds another \
-                 model; prepare the plan for the model that is asked"
-            }
-            Status::UnknownRequest => {
-                "nobody holds a plan of this number; prepare it again and ask with the new one"
-            }
-            Status::NotConverged => {
-                "Newton's method ran out of the steps of a request; give `q_guess`, a closed pose \
-                 nearby, go there in smaller steps, or ask with `search`"
-            }
-            Status::BranchChanged => {
-                "the straight path from the guess to the target crosses a singularity onto \
-                 another branch; give a guess on the branch that is meant"
-            }
-            Status::Unreachable => {
-                "no closed pose has these coordinates; with `search`, `nearest_y` is the closest \
-                 one that does"
-            }
-            Status::SingularClosure => {
-                "a loop is at a singularity and gains a degree of freedom; keep `sigma_min` away \
-                 from zero"
-            }
-            Status::SingularIndependents => {
-                "the independent coordinates do not determine the motion here; \
-                 `good_independents` names some that do"
-            }
-            Status::SingularActuation => {
-                "the actuators do not determine the motion here; `uncontrolled` is the direction \
-                 that they leave free"
-            }
-            Status::MassNotPositive => {
-                "the reduced mass matrix is not positive definite; some body that moves alone has \
-                 no inertia"
-            }
-            Status::Overloaded => {
-                "the server has more work than it accepts; ask again or start another server"
-            }
-            Status::Late => {
-                "the deadline passed first; allow more time, or ask other clients for less"
-            }
-            Status::NotReached => {
-                "no pose was found that meets all tasks; the numbers are those of the nearest one, \
-                 and `binding` names the bounds that hold it"
-            }
-            Status::Infeasible => {
-                "no pose was found that breaks no bound; `binding` names those that contradict, \
-                 widen them or give another `y_guess`"
-            }
-            Status::ShuttingDown => "the server is stopping; ask again when it is back",
-            Status::CorruptAnswer => {
-                "memory was changed on the way, the checksum fails; ask again, and find out which \
-                 process writes there"
-            }
-            Status::UnknownStatus => {
-                "the server ends requests in a way that this client does not know; use client and \
-                 server of one version"
-            }
-            Status::OtherProcess => {
-                "the connection belongs to the process that made it, and this one was forked from \
-                 it; connect again here"
-            }
+        words! { self.status;
+            Ok: "the answer is complete";
+            BadRequest: "the request is malformed; see that quaternions have unit length and that \
+                client and server are of one version";
+            NonFiniteInput: "an input number is NaN or infinite, or so large that the answer would \
+                be; check what computes it";
+            WrongSize: "the arrays do not fit the plan; see how many numbers it takes and how many \
+                it gives";
+            WrongModel: "plan, workspace and model do not belong together, or the server holds \
+                another model; prepare the plan for the model that is asked";
+            UnknownRequest: "nobody holds a plan of this number; prepare it again and ask with the \
+                new one";
+            NotConverged: "Newton's method ran out of the steps of a request; give `q_guess`, a \
+                closed pose nearby, go there in smaller steps, or ask with `search`";
+            BranchChanged: "the straight path from the guess to the target crosses a singularity \
+                onto another branch; give a guess on the branch that is meant";
+            Unreachable: "no closed pose has these coordinates; with `search`, `nearest_y` is the \
+                closest one that does";
+            SingularClosure: "a loop is at a singularity and gains a degree of freedom; keep \
+                `sigma_min` away from zero";
+            SingularIndependents: "the independent coordinates do not determine the motion here; \
+                `good_independents` names some that do";
+            SingularActuation: "the actuators do not determine the motion here; `uncontrolled` is \
+                the direction that they leave free";
+            MassNotPositive: "the reduced mass matrix is not positive definite; some body that \
+                moves alone has no inertia";
+            Overloaded: "the server has more work than it accepts; ask again or start another \
+                server";
+            Late: "the deadline passed first; allow more time, or ask other clients for less";
+            NotReached: "no pose was found that meets all tasks; the numbers are those of the \
+                nearest one, and `binding` names the bounds that hold it";
+            Infeasible: "no pose was found that breaks no bound; `binding` names those that \
+                contradict, widen them or give another `y_guess`";
+            ShuttingDown: "the server is stopping; ask again when it is back";
+            CorruptAnswer: "memory was changed on the way, the checksum fails; ask again, and find \
+                out which process writes there";
+            UnknownStatus: "the server ends requests in a way that this client does not know; use \
+                client and server of one version";
+            OtherProcess: "the connection belongs to the process that made it, and this one was \
+                forked from it; connect again here";
         }
     }
 }

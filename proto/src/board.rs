@@ -1,5 +1,6 @@
 //! The boards of a lane, made by the server and claimed by its client.
 
+use core::fmt::Debug;
 use core::sync::atomic::Ordering::Relaxed;
 
 use iceoryx2::port::writer::WriterCreateError;
@@ -67,15 +68,9 @@ impl ServedLane {
             .ok_or_else(|| no_class(&response_name, class_out))??;
 
         let locked = |service: &ServiceName| ServiceError::Locked(service.to_string());
-        let reader = request
-            .reader_builder()
-            .create()
-            .map_err(|error| ServiceError::memory(&request_name, &error))?;
+        let reader = request.reader_builder().create().map_err(in_memory(&request_name))?;
         let inbox = by_class!(class_in, RequestHead, inbox(&reader)).flatten();
-        let writer = response
-            .writer_builder()
-            .create()
-            .map_err(|error| ServiceError::memory(&response_name, &error))?;
+        let writer = response.writer_builder().create().map_err(in_memory(&response_name))?;
         let outbox = by_class!(class_out, ResponseHead, outbox(writer)).flatten();
         Ok(ServedLane {
             inbox: inbox.ok_or_else(|| locked(&request_name))?,
@@ -107,10 +102,7 @@ impl ClaimedLane {
         let [request_name, response_name] = names()?;
         let request = open_board(node, &request_name)?;
         let response = open_board(node, &response_name)?;
-        let reader = response
-            .reader_builder()
-            .create()
-            .map_err(|error| ServiceError::memory(&response_name, &error))?;
+        let reader = response.reader_builder().create().map_err(in_memory(&response_name))?;
         let inbox = by_class!(class_out, ResponseHead, inbox(&reader)).flatten();
         let inbox = inbox.ok_or_else(|| {
             ServiceError::OtherVersion(response_name.to_string(), PROTOCOL_VERSION)
@@ -127,6 +119,11 @@ impl ClaimedLane {
         map(outbox.as_mut());
         Ok(ClaimedLane { outbox, inbox })
     }
+}
+
+/// The error of a port that cannot be made.
+fn in_memory<E: Debug>(service: &ServiceName) -> impl FnOnce(E) -> ServiceError {
+    move |error| ServiceError::memory(service, &error)
 }
 
 /// The boards of a link's lane.

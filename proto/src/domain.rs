@@ -389,7 +389,7 @@ pub(crate) fn reason(error: &dyn std::fmt::Debug) -> String {
 }
 
 /// Shared memory that is still free `[byte]`.
-pub(crate) fn free_shared_memory() -> u64 {
+pub fn free_shared_memory() -> u64 {
     // an unknown value is no reason for a refusal
     statvfs(SHARED_MEMORY).map_or(u64::MAX, |found| found.f_bavail.saturating_mul(found.f_frsize))
 }
@@ -494,11 +494,7 @@ impl ServerName {
 
     /// A service of the CAN bridge of this name.
     pub fn bridge(&self, part: &str) -> Result<ServiceName, DomainError> {
-        self.service(&format!("can/{part}"))
-    }
-
-    fn service(&self, rest: &str) -> Result<ServiceName, DomainError> {
-        ServiceName::new(&format!("sarrus/{}/{rest}", self.0))
+        ServiceName::new(&format!("sarrus/{}/can/{part}", self.0))
             .map_err(|_| DomainError::Name(self.0.clone()))
     }
 }

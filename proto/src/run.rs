@@ -15,8 +15,9 @@ use std::time::Duration;
 use iceoryx2::prelude::Config;
 use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate};
 
+pub use crate::domain::free_shared_memory;
 use crate::domain::{
-    self, config, is_at, make_folder, node, random, remove_shared, shared_files, used_files,
+    config, is_at, make_folder, node, random, remove_shared, shared_files, used_files,
 };
 use crate::socket::ControlListener;
 use crate::{Domain, DomainError, Node, ServerName};
@@ -233,22 +234,12 @@ impl Link {
     }
 }
 
-/// Shared memory that is still free `[byte]`.
-pub fn free_shared_memory() -> u64 {
-    domain::free_shared_memory()
-}
-
 impl Domain {
     /// Removes the files of dead processes: runs of servers, nodes, empty folders. Files in use
     /// stay. Returns the removed paths.
     pub fn tidy(&self) -> Vec<PathBuf> {
-        let mut cleared = clear_dead(self);
-        cleared.extend(self.clear_nodes());
-        if let Some(other) = self.other() {
-            cleared.extend(clear_dead(&other));
-            cleared.extend(other.clear_nodes());
-        }
-        cleared
+        let domains = [Some(self.clone()), self.other()].into_iter().flatten();
+        domains.flat_map(|of| [clear_dead(&of), of.clear_nodes()].concat()).collect()
     }
 }
 

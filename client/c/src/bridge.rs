@@ -13,6 +13,19 @@ use crate::border::{free, make, put, text};
 use crate::failure::{Failure, guarded};
 use crate::status::StatusCode;
 
+/// Asks a bridge for an operation through a handle of the caller.
+macro_rules! operate {
+    ($handle:ident.$ask:ident($operation:ident $(, $actuator:ident)?), $stamp_ns:ident) => {
+        guarded(|| {
+            let handle = $handle.ok_or(Failure::Null(stringify!($handle)))?;
+            let operation = Operation::from_code($operation);
+            let operation = operation.ok_or(Failure::Number("operation", $operation))?;
+            put($stamp_ns, handle.0.$ask(operation $(, $actuator)?));
+            Ok(())
+        })
+    };
+}
+
 /// The controller of a bridge; a bridge has one at a time. Commands must keep coming: each later
 /// than T1 of the configuration is damped, and later than T2 disabled. One thread uses it at a
 /// time; any may.
@@ -82,11 +95,7 @@ pub extern "C" fn sarrus_controller_operate(
     operation: u32,
     stamp_ns: Option<&mut MaybeUninit<u64>>,
 ) -> StatusCode {
-    guarded(|| {
-        let controller = controller.ok_or(Failure::Null("controller"))?;
-        put(stamp_ns, controller.0.operate(of_code(operation)?));
-        Ok(())
-    })
+    operate!(controller.operate(operation), stamp_ns)
 }
 
 /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
@@ -98,11 +107,7 @@ pub extern "C" fn sarrus_controller_operate_mechanism(
     actuator: usize,
     stamp_ns: Option<&mut MaybeUninit<u64>>,
 ) -> StatusCode {
-    guarded(|| {
-        let controller = controller.ok_or(Failure::Null("controller"))?;
-        put(stamp_ns, controller.0.operate_mechanism(of_code(operation)?, actuator));
-        Ok(())
-    })
+    operate!(controller.operate_mechanism(operation, actuator), stamp_ns)
 }
 
 /// Frees a controller: its motors are damped after T1, and without power after T2; NULL does
@@ -152,11 +157,7 @@ pub extern "C" fn sarrus_observer_operate(
     operation: u32,
     stamp_ns: Option<&mut MaybeUninit<u64>>,
 ) -> StatusCode {
-    guarded(|| {
-        let observer = observer.ok_or(Failure::Null("observer"))?;
-        put(stamp_ns, observer.0.operate(of_code(operation)?));
-        Ok(())
-    })
+    operate!(observer.operate(operation), stamp_ns)
 }
 
 /// Requests an operation of the mechanism that an actuator acts on, by its place in u.
@@ -168,11 +169,7 @@ pub extern "C" fn sarrus_observer_operate_mechanism(
     actuator: usize,
     stamp_ns: Option<&mut MaybeUninit<u64>>,
 ) -> StatusCode {
-    guarded(|| {
-        let observer = observer.ok_or(Failure::Null("observer"))?;
-        put(stamp_ns, observer.0.operate_mechanism(of_code(operation)?, actuator));
-        Ok(())
-    })
+    operate!(observer.operate_mechanism(operation, actuator), stamp_ns)
 }
 
 /// Frees an observer; NULL does
@@ -180,10 +177,6 @@ pub extern "C" fn sarrus_observer_operate_mechanism(
 #[unsafe(no_mangle)]
 pub extern "C" fn sarrus_observer_free(observer: Option<Box<Observer>>) {
     free(observer);
-}
-
-fn of_code(operation: u32) -> Result<Operation, Failure> {
-    Operation::from_code(operation).ok_or(Failure::Number("operation", operation))
 }
 
 /// CLOCK_MONOTONIC, which all processes of a machine share and stamps are in [ns].

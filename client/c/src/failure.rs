@@ -5,7 +5,7 @@ use core::ffi::c_char;
 use core::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use sarrus_client::{ConnectError, Error, FailedState, LoadError, Status};
+use sarrus_client::{Error, LoadError, Status};
 
 use crate::status::{OwnStatus, StatusCode};
 
@@ -47,7 +47,7 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Load(LoadError),
     #[error(transparent)]
-    Ask(#[from] Error),
+    Ask(Error),
     #[error("nothing new came since the last call")]
     NothingNew,
     #[error("the command could not be sent; see whether the bridge runs, and connect again")]
@@ -58,15 +58,9 @@ pub(crate) enum Failure {
     Internal,
 }
 
-impl From<ConnectError> for Failure {
-    fn from(error: ConnectError) -> Failure {
+impl<E: Into<Error>> From<E> for Failure {
+    fn from(error: E) -> Failure {
         Failure::Ask(error.into())
-    }
-}
-
-impl From<FailedState> for Failure {
-    fn from(failed: FailedState) -> Failure {
-        Failure::Ask(failed.into())
     }
 }
 

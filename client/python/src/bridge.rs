@@ -65,15 +65,11 @@ impl PyBridge {
             let bridge = self.lock();
             (bridge.configuration().fingerprint, bridge.configuration().actuators.len())
         };
-        let [position, velocity, effort, stiffness, damping] =
-            [position, velocity, effort, stiffness, damping]
-                .map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n_u]));
-        let command = self::command(
-            sequence,
-            stamp_ns,
-            fingerprint.unwrap_or(of_model),
-            [&position, &velocity, &effort, &stiffness, &damping],
-        )?;
+        let numbers = [position, velocity, effort, stiffness, damping]
+            .map(|numbers| numbers.unwrap_or_else(|| vec![0.0; n_u]));
+        let numbers = numbers.each_ref().map(Vec::as_slice);
+        let fingerprint = fingerprint.unwrap_or(of_model);
+        let command = self::command(sequence, stamp_ns, fingerprint, numbers)?;
         Ok(self.lock().command(now_ns, &command).name())
     }
 

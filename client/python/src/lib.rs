@@ -39,34 +39,23 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[pymodule(name = "_checked", gil_used = true)]
 mod native {
     #[pymodule_export]
-    use crate::bridge::PyBridge;
-    #[pymodule_export]
-    use crate::candidates::{PyCandidate, candidates};
-    #[pymodule_export]
-    use crate::configuration::PyConfiguration;
-    #[pymodule_export]
-    use crate::drives::PyDrives;
-    #[pymodule_export]
-    use crate::dynamics::{
-        PyOrigin, PyQuery, PyRobot, bundled_names, forked, imported, refuse_masked, status_help,
-        statuses, warning_bits,
+    use crate::{
+        bridge::PyBridge,
+        candidates::{PyCandidate, candidates},
+        configuration::PyConfiguration,
+        drives::PyDrives,
+        dynamics::{
+            PyOrigin, PyQuery, PyRobot, bundled_names, forked, imported, refuse_masked,
+            status_help, statuses, warning_bits,
+        },
+        frames::PyFrame,
+        interface::{check_interface, events_of_error_frame, interface_advice, interface_question},
+        protocols::protocols,
+        recording::recording,
+        run::run_bridge,
+        service::{PyController, PyService},
+        slcan::{PySlcanReader, slcan_line},
     };
-    #[pymodule_export]
-    use crate::frames::PyFrame;
-    #[pymodule_export]
-    use crate::interface::{
-        check_interface, events_of_error_frame, interface_advice, interface_question,
-    };
-    #[pymodule_export]
-    use crate::protocols::protocols;
-    #[pymodule_export]
-    use crate::recording::recording;
-    #[pymodule_export]
-    use crate::run::run_bridge;
-    #[pymodule_export]
-    use crate::service::{PyController, PyService};
-    #[pymodule_export]
-    use crate::slcan::{PySlcanReader, slcan_line};
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

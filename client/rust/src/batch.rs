@@ -140,12 +140,9 @@ impl<'a> Rows<'a> {
             return None;
         }
         let [n_in, n_out] = self.widths;
-        let (input, rest) = self.input.split_at(rows * n_in);
-        self.input = rest;
-        let (output, rest) = std::mem::take(&mut self.output).split_at_mut(rows * n_out);
-        self.output = rest;
-        let (answers, rest) = std::mem::take(&mut self.answers).split_at_mut(rows);
-        self.answers = rest;
+        let input = self.input.split_off(..rows * n_in)?;
+        let output = self.output.split_off_mut(..rows * n_out)?;
+        let answers = self.answers.split_off_mut(..rows)?;
         Some(Rows { widths: self.widths, input, output, answers })
     }
 }

@@ -122,7 +122,7 @@ impl Control {
     /// Registers a plan; the server's number of it.
     pub(crate) fn plan(&self, prepared: &Prepared, deadline: Instant) -> Result<u32, Error> {
         let query = Box::new(*prepared.query());
-        let response = self.call(Call::Plan { query }, deadline)?;
+        let (response, _) = self.exchange(Call::Plan { query }, deadline)?;
         match &response.outcome {
             // client and server must mean the same numbers
             Ok(Grant::Plan { number, n_in, n_out })
@@ -218,12 +218,8 @@ impl Control {
     }
 
     fn granted(&self, call: Call, deadline: Instant) -> Outcome<Grant> {
-        let response = self.call(call, deadline)?;
+        let (response, _) = self.exchange(call, deadline)?;
         granted(&response, self.fingerprint).cloned()
-    }
-
-    fn call(&self, call: Call, deadline: Instant) -> Outcome<ControlResponse> {
-        Ok(self.exchange(call, deadline)?.0)
     }
 
     fn exchange(

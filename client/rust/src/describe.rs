@@ -1,4 +1,3 @@
-use sarrus_dynamics::Model;
 use sarrus_models::Loaded;
 use sarrus_proto::ModelInfo;
 
@@ -6,10 +5,5 @@ use sarrus_proto::ModelInfo;
 /// sends it.
 pub fn describe(loaded: &Loaded) -> ModelInfo {
     let warnings = loaded.report.warnings.iter().map(ToString::to_string).collect();
-    describe_model(&loaded.compiled.model, warnings)
-}
-
-/// The description of a model, with its warnings.
-pub(crate) fn describe_model(model: &Model<f64>, warnings: Vec<String>) -> ModelInfo {
-    ModelInfo { warnings, ..model.info().clone() }
+    ModelInfo { warnings, ..loaded.compiled.model.info().clone() }
 }

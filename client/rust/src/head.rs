@@ -44,8 +44,8 @@ pub(crate) struct Seen {
 pub(crate) struct Terms {
     checked: bool,
     timed: bool,
-    stamp_ns: u64,
-    deadline_ns: u64,
+    /// Without the numbers of the request.
+    head: RequestHead,
 }
 
 impl Terms {
@@ -56,12 +56,10 @@ impl Terms {
         let stamp_ns = if timed || deadline.is_some() { now_ns().max(1) } else { 0 };
         // 0 would mean no stamp
         let ns = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX).max(1);
-        Terms {
-            checked: query.options.contains(QueryOptions::CHECKSUM),
-            timed,
-            stamp_ns,
-            deadline_ns: deadline.map_or(0, ns),
-        }
+        let deadline_ns = deadline.map_or(0, ns);
+        let version = PROTOCOL_VERSION;
+        let head = RequestHead { version, stamp_ns, deadline_ns, ..RequestHead::default() };
+        Terms { checked: query.options.contains(QueryOptions::CHECKSUM), timed, head }
     }
 
     /// The head of a request with these numbers.
@@ -73,17 +71,7 @@ impl Terms {
         sequence: u64,
         input: &[f64],
     ) -> RequestHead {
-        let Terms { stamp_ns, deadline_ns, .. } = *self;
-        let version = PROTOCOL_VERSION;
-        let mut head = RequestHead {
-            version,
-            plan,
-            fingerprint,
-            sequence,
-            stamp_ns,
-            deadline_ns,
-            checksum: 0,
-        };
+        let mut head = RequestHead { plan, fingerprint, sequence, ..self.head };
         if self.checked {
             head.checksum = of_request(&head, input);
         }
@@ -100,7 +88,8 @@ impl Terms {
         output: &mut [f64],
         seen: &mut Seen,
     ) -> Answer {
-        if self.deadline_ns != 0 && now_ns().saturating_sub(self.stamp_ns) > self.deadline_ns {
+        let RequestHead { stamp_ns, deadline_ns, .. } = self.head;
+        if deadline_ns != 0 && now_ns().saturating_sub(stamp_ns) > deadline_ns {
             seen.late += 1;
         }
         if self.checked && !answer.is_intact(request, output) {

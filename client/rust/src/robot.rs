@@ -9,7 +9,7 @@ use sarrus_proto::message::{MAX_NUMBERS_IN, MAX_NUMBERS_OUT, Statistics};
 use sarrus_proto::{Answer, Domain, ModelInfo, Query, Request, Status, Warnings};
 
 use crate::batch::Batches;
-use crate::describe::{describe, describe_model};
+use crate::describe::describe;
 use crate::direct::Direct;
 use crate::head::{Seen, Times};
 use crate::local::Local;
@@ -73,7 +73,7 @@ impl Robot {
     /// [`crate::description::Description`].
     pub fn from_model(compiled: Compiled) -> Robot {
         let warnings = compiled.warnings.iter().map(ToString::to_string).collect();
-        let info = describe_model(&compiled.model, warnings);
+        let info = ModelInfo { warnings, ..compiled.model.info().clone() };
         Robot::new(Side::Local(Box::new(Local::new(compiled.model))), info)
     }
 

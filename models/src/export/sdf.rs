@@ -93,9 +93,7 @@ fn of_link(out: &Out<'_>, link: usize) -> String {
         text += &format!("        <inertial>\n{}", placed(Pose::of(&inertial.origin), ""));
         let _ = write!(text, "        <mass>{}</mass><inertia>", number(inertial.mass));
         let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
-        for (name, value) in names.into_iter().zip(inertial.inertia) {
-            let _ = write!(text, "<{name}>{}</{name}>", number(value));
-        }
+        text += &elements(names.into_iter().zip(inertial.inertia));
         text += "</inertia>\n        </inertial>\n";
     } else {
         // without mass it would weigh 1 kg
@@ -135,6 +133,11 @@ fn of_loop(out: &mut Out<'_>, (s, l): (usize, usize), name: &str, of: &Loop) -> 
         let _ = writeln!(text, "        <{name}><xyz>{axis}</xyz></{name}>");
     }
     text + "      </joint>\n"
+}
+
+/// An element for each name with its number.
+fn elements<'a>(of: impl Iterator<Item = (&'a str, f64)>) -> String {
+    of.map(|(name, value)| format!("<{name}>{}</{name}>", number(value))).collect()
 }
 
 fn placed(at: Pose, relative_to: &str) -> String {
@@ -192,21 +195,15 @@ fn of_joint(out: &mut Out<'_>, j: usize, joint: &Joint) -> String {
                 ("velocity", of.velocity),
             ]
         });
-        let limits: String = limits
-            .filter(|(_, value)| value.is_finite())
-            .map(|(name, value)| format!("<{name}>{}</{name}>", number(value)))
-            .collect();
+        let limits = elements(limits.filter(|(_, value)| value.is_finite()));
         let _ = writeln!(text, "          <limit>{limits}</limit>");
-        let dynamics: String = [
+        let dynamics = [
             ("damping", terms.damping),
             ("friction", terms.friction.coulomb),
             ("spring_stiffness", terms.stiffness),
             ("spring_reference", terms.rest),
-        ]
-        .into_iter()
-        .filter(|(_, value)| *value != 0.0)
-        .map(|(name, value)| format!("<{name}>{}</{name}>", number(value)))
-        .collect();
+        ];
+        let dynamics = elements(dynamics.into_iter().filter(|(_, value)| *value != 0.0));
         if !dynamics.is_empty() {
             let _ = writeln!(text, "          <dynamics>{dynamics}</dynamics>");
         }

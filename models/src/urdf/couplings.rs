@@ -22,7 +22,7 @@ impl Urdf {
         diagnostics: &mut Diagnostics,
     ) {
         let Some(document) = xml::parse(text, diagnostics) else { return };
-        let mut reader = Reader::new(text, diagnostics, Version(1, 2));
+        let mut reader = Reader { text, diagnostics, version: Version(1, 2) };
         let mut dependences: Vec<Dependence> = Vec::new();
         for node in document.root_element().children() {
             if node.has_tag_name("transmission") {
@@ -158,18 +158,15 @@ impl Urdf {
 
     /// Assigns the rotors of transmissions to their joints.
     pub(super) fn add_rotors(&mut self, rotors: &[Rotor], diagnostics: &mut Diagnostics) {
-        for rotor in rotors {
-            let span = rotor.span;
+        for Rotor { joint, span, inertia, ratio } in rotors {
             let what = "the rotor belongs to";
-            let Some(joint) = self.named_joint(&rotor.joint, span, what, diagnostics) else {
-                continue;
-            };
-            let mut terms = joint.terms;
-            if !rotor.join(&mut terms) {
+            let Some(joint) = self.named_joint(joint, *span, what, diagnostics) else { continue };
+            let terms = Terms { rotor_inertia: *inertia, gear_ratio: *ratio, ..joint.terms };
+            if joint.terms.rotor_inertia != 0.0 {
                 let found = format!("the joint {} has a second rotor", quoted(&joint.name));
                 let help = "add both inertias up, each times its ratio squared";
-                diagnostics.error(span, found, "one", help);
-            } else if dynamics::accepts(joint.kind, &joint.name, &terms, span, diagnostics) {
+                diagnostics.error(*span, found, "one", help);
+            } else if dynamics::accepts(joint.kind, &joint.name, &terms, *span, diagnostics) {
                 joint.terms = terms;
             }
         }

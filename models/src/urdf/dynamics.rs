@@ -14,19 +14,8 @@ const DYNAMICS: Shape =
 pub(crate) struct Rotor {
     pub(crate) joint: String,
     pub(crate) span: Span,
-    inertia: f64,
-    ratio: f64,
-}
-
-impl Rotor {
-    /// Puts the rotor into the terms of its joint; false when there is one already.
-    pub(super) fn join(&self, terms: &mut Terms) -> bool {
-        let is_first = terms.rotor_inertia == 0.0;
-        if is_first {
-            (terms.rotor_inertia, terms.gear_ratio) = (self.inertia, self.ratio);
-        }
-        is_first
-    }
+    pub(super) inertia: f64,
+    pub(super) ratio: f64,
 }
 
 /// Reads `<dynamics>` of a joint.

@@ -137,15 +137,26 @@ fn compound<'t>(
     axis2: Option<Node<'_, 't>>,
 ) -> Option<Compound> {
     let second = axis2.and_then(|node| axis(reader, node, Some(JointKind::Continuous), name));
-    if joint.attribute("type") == Some(UNIVERSAL) {
-        return universal(reader, reader.span(joint), name, first, second, axis2.is_some());
+    let span = reader.span(axis2.unwrap_or(joint));
+    if joint.attribute("type") != Some(UNIVERSAL) {
+        if axis2.is_some() {
+            let found = format!("`axis2` of the joint {}, which has one axis", quoted(name));
+            reader.diagnostics.error(span, found, "the type `universal`", "remove it");
+        }
+        return (joint.attribute("type") == Some(PLANAR)).then_some(Compound::Planar);
     }
-    if let Some(node) = axis2 {
-        let found = format!("`axis2` of the joint {}, which has one axis", quoted(name));
-        let span = reader.span(node);
-        reader.diagnostics.error(span, found, "the type `universal`", "remove it");
+    if axis2.is_none() {
+        let found = format!("the universal joint {} has no `axis2`", quoted(name));
+        return reader.diagnostics.refused(span, found, "<axis2 xyz=\"…\"/>", "add it");
     }
-    (joint.attribute("type") == Some(PLANAR)).then_some(Compound::Planar)
+    let axis2 = second?;
+    let cosine = dot(first, axis2) / (dot(first, first) * dot(axis2, axis2)).sqrt();
+    if cosine.abs() > 1.0 - 1e-6 {
+        let found = format!("the axes of the universal joint {} are parallel", quoted(name));
+        let span = reader.span(joint);
+        reader.diagnostics.error(span, found, "two directions", "correct one of them");
+    }
+    Some(Compound::Universal { axis2 })
 }
 
 /// Reports a joint with a range that has no `<limit>`.
@@ -183,30 +194,6 @@ fn kind_of(reader: &mut Reader<'_, '_>, written: &str, span: Span) -> Option<Joi
         reader.diagnostics.unknown(span, found, names.join(", "), written, names, help);
     }
     kind
-}
-
-/// A universal joint of these axes; `None` after an error.
-fn universal(
-    reader: &mut Reader<'_, '_>,
-    span: Span,
-    joint: &str,
-    axis: [f64; 3],
-    axis2: Option<[f64; 3]>,
-    is_given: bool,
-) -> Option<Compound> {
-    let Some(axis2) = axis2 else {
-        if !is_given {
-            let found = format!("the universal joint {} has no `axis2`", quoted(joint));
-            reader.diagnostics.error(span, found, "<axis2 xyz=\"…\"/>", "add it");
-        }
-        return None;
-    };
-    let cosine = dot(axis, axis2) / (dot(axis, axis) * dot(axis2, axis2)).sqrt();
-    if cosine.abs() > 1.0 - 1e-6 {
-        let found = format!("the axes of the universal joint {} are parallel", quoted(joint));
-        reader.diagnostics.error(span, found, "two directions", "correct one of them");
-    }
-    Some(Compound::Universal { axis2 })
 }
 
 /// Reads an axis, and checks its direction. A joint that has none is not refused for a fault in

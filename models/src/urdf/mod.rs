@@ -106,7 +106,7 @@ impl Urdf {
     pub(crate) fn read(text: &Text, diagnostics: &mut Diagnostics) -> Option<Urdf> {
         let document = xml::parse(text, diagnostics)?;
         let root = document.root_element();
-        let mut reader = Reader::new(text, diagnostics, Version(1, 0));
+        let mut reader = Reader { text, diagnostics, version: Version(1, 0) };
         let mut urdf = Urdf::of_robot(&mut reader, root)?;
         let mut rotors: Vec<Rotor> = Vec::new();
         let mut dependences: Vec<Dependence> = Vec::new();

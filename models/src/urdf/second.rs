@@ -169,7 +169,8 @@ mod tests {
         let file = Text::new("f", urdf.into(), &mut diagnostics).unwrap();
         let document = xml::parse(&file, &mut diagnostics).unwrap();
         let root = document.root_element();
-        let mut reader = Reader::new(&file, &mut diagnostics, Version(1, 0));
+        let version = Version(1, 0);
+        let mut reader = Reader { text: &file, diagnostics: &mut diagnostics, version };
         let mut urdf = Urdf::of_robot(&mut reader, root).unwrap();
         for node in both_read(root) {
             match node.tag_name().name() {

@@ -4,33 +4,23 @@ use super::Urdf;
 use super::joint::JointEntry;
 use crate::report::{Diagnostics, quoted};
 
-/// The known part of the tree, by index.
-struct Tree {
-    /// The joint above each link.
-    above: Vec<Option<usize>>,
-    /// The link above each joint.
-    parents: Vec<Option<usize>>,
-}
-
 /// Checks the tree and returns for each link whether no joint has it as its child.
 pub(super) fn check(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<bool> {
     if urdf.links.is_empty() {
         diagnostics.error(urdf.span, "the robot has no link", "at least one", "add links");
     }
-    let tree = connect(urdf, diagnostics);
-    let is_root: Vec<bool> = tree.above.iter().map(Option::is_none).collect();
+    let above = connect(urdf, diagnostics);
+    let is_root: Vec<bool> = above.iter().map(Option::is_none).collect();
     check_roots(urdf, &is_root, diagnostics);
-    check_cycles(urdf, tree, diagnostics);
+    check_cycles(urdf, &above, diagnostics);
     is_root
 }
 
-/// Connects the joints to their links; reports unknown links and links with two parents.
-fn connect(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Tree {
+/// The joint above each link; reports unknown links and links with two parents.
+fn connect(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Vec<Option<usize>> {
     let mut above: Vec<Option<usize>> = vec![None; urdf.links.len()];
-    let mut parents: Vec<Option<usize>> = Vec::with_capacity(urdf.joints.len());
     for (j, joint) in urdf.joints.iter().enumerate() {
-        let [parent, child] = ["parent", "child"].map(|end| link_at(urdf, joint, end, diagnostics));
-        parents.push(parent);
+        let [_, child] = ["parent", "child"].map(|end| link_at(urdf, joint, end, diagnostics));
         let Some(slot) = child.and_then(|child| above.get_mut(child)) else { continue };
         match slot.and_then(|first| urdf.joints.get(first)) {
             None => *slot = Some(j),
@@ -43,7 +33,7 @@ fn connect(urdf: &Urdf, diagnostics: &mut Diagnostics) -> Tree {
             }
         }
     }
-    Tree { above, parents }
+    above
 }
 
 /// The link at an end of a joint; `None` after an error.
@@ -83,8 +73,7 @@ fn check_roots(urdf: &Urdf, is_root: &[bool], diagnostics: &mut Diagnostics) {
 }
 
 /// Reports one joint of each cycle, by a walk up from every link.
-fn check_cycles(urdf: &Urdf, tree: Tree, diagnostics: &mut Diagnostics) {
-    let Tree { above, parents } = tree;
+fn check_cycles(urdf: &Urdf, above: &[Option<usize>], diagnostics: &mut Diagnostics) {
     // 0 is unknown, 1 on this walk, 2 done
     let mut state = vec![0_u8; urdf.links.len()];
     for start in 0..urdf.links.len() {
@@ -93,7 +82,7 @@ fn check_cycles(urdf: &Urdf, tree: Tree, diagnostics: &mut Diagnostics) {
         while let Some(i) = link.filter(|i| state.get(*i) == Some(&0)) {
             state[i] = 1;
             walk.push(i);
-            link = above[i].and_then(|joint| parents.get(joint).copied().flatten());
+            link = above[i].and_then(|joint| urdf.link_at(&urdf.joints[joint].parent));
         }
         if let Some(joint) = link
             .filter(|i| state.get(*i) == Some(&1))

@@ -118,16 +118,7 @@ pub(super) struct Reader<'t, 'f> {
     pub(super) version: Version,
 }
 
-impl<'t, 'f> Reader<'t, 'f> {
-    /// A reader that has read nothing.
-    pub(super) fn new(
-        text: &'t Text,
-        diagnostics: &'f mut Diagnostics,
-        version: Version,
-    ) -> Reader<'t, 'f> {
-        Reader { text, diagnostics, version }
-    }
-
+impl<'t> Reader<'t, '_> {
     pub(super) fn span(&self, node: Node<'_, 't>) -> Span {
         self.text.span(node.range().start)
     }
@@ -152,21 +143,16 @@ impl<'t, 'f> Reader<'t, 'f> {
                 self.diagnostics.warning(span, found, expected, help);
             }
         }
-        let mut seen: Vec<&str> = Vec::new();
         let mut children = Vec::new();
         for child in node.children().filter(Node::is_element) {
             let name = child.tag_name().name();
             let is_ours = child.tag_name().namespace().is_none();
-            if is_ours && has(shape.many, name) {
-                children.push(child);
-                continue;
-            }
-            if is_ours && has(shape.once, name) {
-                if seen.contains(&name) {
+            let is_once = is_ours && has(shape.once, name);
+            if is_once || is_ours && has(shape.many, name) {
+                if is_once && children.iter().any(|of: &Node<'_, '_>| of.has_tag_name(name)) {
                     let found = format!("`{of}` has a second `{name}`");
                     self.diagnostics.error(self.span(child), found, "one", "remove one of them");
                 }
-                seen.push(name);
                 children.push(child);
                 continue;
             }
@@ -223,8 +209,7 @@ impl<'t, 'f> Reader<'t, 'f> {
             Err(fault) => format!("`{attribute}`: {fault}"),
         };
         let span = self.span_of_value(&found);
-        self.diagnostics.error(span, fault, "finite numbers", "correct the value");
-        None
+        self.diagnostics.refused(span, fault, "finite numbers", "correct the value")
     }
 
     /// The finite numbers that an element holds as its text; `None` after an error.

@@ -5,7 +5,6 @@ mod case;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,9 +15,9 @@ use self::case::Case;
 use crate::Outcome;
 use crate::measure::progress::Progress;
 use crate::measure::timing::interleaved;
-use crate::measure::{Amount, Effort};
+use crate::measure::{Amount, Effort, Folder};
 use crate::page::{Section, Table, columns, exponent};
-use crate::peer::{Run, peers};
+use crate::peer::{Run, peers, series};
 use crate::reference::{References, layout, worse};
 use crate::robots::catalogue::bundled_names;
 use crate::robots::{Question, Robot, Start, Subject};
@@ -237,15 +236,11 @@ fn fastest(
     runs: &[Run],
     bound: f64,
 ) -> Outcome<Option<f64>> {
-    let mut fastest: Option<f64> = None;
-    for run in runs.iter().filter(|run| run.question == question) {
-        let key = (question, start);
-        let worst = run.worst(|state, answer| references.of_peer(key, state, answer))?;
-        if worst <= bound {
-            fastest = Some(fastest.map_or(run.ns, |ns| ns.min(run.ns)));
-        }
-    }
-    Ok(fastest)
+    let series = series(runs, question, &mut |state, answer: &[f64]| {
+        references.of_peer((question, start), state, answer)
+    })?;
+    let points = series.iter().flat_map(|series| &series.points);
+    Ok(points.filter(|of| of.y <= bound).map(|of| of.x).min_by(f64::total_cmp))
 }
 
 /// Code of one plan: the shared object, and the programs that time it.
@@ -286,21 +281,5 @@ impl Generated {
             }
         }
         Ok((least[0], least[1]))
-    }
-}
-
-/// A folder of one build, gone when dropped.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let process = std::process::id();
-        Folder(std::env::temp_dir().join(format!("sarrus-report-{process}-{name}")))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }

@@ -1,6 +1,5 @@
 //! `sarrus-can listen`: the frames on a bus, for wiring. It sends nothing.
 
-use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -51,9 +50,7 @@ fn listen(arguments: &Listen) -> Result<(), Box<dyn std::error::Error>> {
         while let Some(heard) = bus.next()? {
             match heard {
                 Heard::Frame(frame) => {
-                    let mut out = io::stdout().lock();
-                    let line = dumped(now_ns(), channel, frame);
-                    if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
+                    if crate::tell(dumped(now_ns(), channel, frame)).is_err() {
                         // the reader has gone
                         return Ok(());
                     }

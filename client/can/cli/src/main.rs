@@ -12,6 +12,8 @@ mod run;
 mod simulate;
 mod top;
 
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -104,14 +106,20 @@ fn main() -> ExitCode {
 }
 
 /// The code of a command that fails at start-up only: 0, or 2 with the reason.
-fn ended<E: std::fmt::Display>(command: &str, result: Result<(), E>) -> ExitCode {
+fn ended<E: Display>(command: &str, result: Result<(), E>) -> ExitCode {
     result.map_or_else(|error| failed(command, error), |()| ExitCode::SUCCESS)
 }
 
 /// Prints why a command failed; its code.
-fn failed(command: &str, error: impl std::fmt::Display) -> ExitCode {
+fn failed(command: &str, error: impl Display) -> ExitCode {
     eprintln!("sarrus-can {command}: {error}");
     ExitCode::from(2)
+}
+
+/// A line on stdout, at once; an error where nobody reads it any more.
+fn tell(line: impl Display) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{line}").and_then(|()| out.flush())
 }
 
 /// A configuration, or the end: every fault of it is reported, and the code is 1 for faults and 2

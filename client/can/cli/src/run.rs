@@ -1,6 +1,5 @@
 //! `sarrus-can run`: the bridge on the robot.
 
-use std::io::Write;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -86,7 +85,8 @@ impl Run {
         let prepared = prepare(configuration, settings, stop.clone(), |bus| open(bus, &mut owned))?;
         let fingerprint = prepared.fingerprint();
         let running = prepared.start()?;
-        announce(&self.name, fingerprint);
+        // a closed stdout changes nothing
+        let _ = crate::tell(format_args!("ready {} {fingerprint:016x}", self.name));
         while !running.is_over() {
             if parent.is_some() && getppid() != parent {
                 stop.store(true, Ordering::Relaxed);
@@ -123,10 +123,4 @@ pub(crate) fn end_by_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     // a log beyond the limit of a file's size: the write reports it
     signal_hook::flag::register(SIGXFSZ, Arc::default())?;
     Ok(())
-}
-
-/// Prints the line that reports readiness. A closed stdout changes nothing.
-fn announce(name: &str, fingerprint: u64) {
-    let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "ready {name} {fingerprint:016x}").and_then(|()| out.flush());
 }

@@ -1,6 +1,5 @@
 //! The threads of a bridge that runs: one for the cycle, one for each bus, one for the logs.
 
-use std::fmt;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -201,11 +200,5 @@ impl Running {
                 Err(faults.join("; ").into())
             }
         }
-    }
-}
-
-impl fmt::Debug for Running {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Running").field("log", &self.log).finish_non_exhaustive()
     }
 }

@@ -98,16 +98,14 @@ impl<'a> Rows<'a> {
         self.rows -= rows;
         let mut given = Vec::with_capacity(self.given.len());
         for (numbers, width) in &mut self.given {
-            let (tile, rest) = numbers.split_at(rows * *width);
-            *numbers = rest;
-            given.push((tile, *width));
+            given.push((numbers.split_off(..rows * *width)?, *width));
         }
         let mut want = Vec::with_capacity(self.want.len());
         for (numbers, width) in &mut self.want {
-            want.push((split_off(numbers, rows * *width), *width));
+            want.push((numbers.split_off_mut(..rows * *width)?, *width));
         }
-        let statuses = split_off(&mut self.statuses, rows);
-        let warnings = split_off(&mut self.warnings, rows);
+        let statuses = self.statuses.split_off_mut(..rows)?;
+        let warnings = self.warnings.split_off_mut(..rows)?;
         Some(Rows { rows, given, want, statuses, warnings })
     }
 
@@ -128,13 +126,6 @@ impl<'a> Rows<'a> {
         }
         Ok(())
     }
-}
-
-/// The first `n` entries, which are taken off.
-fn split_off<'a, T>(slice: &mut &'a mut [T], n: usize) -> &'a mut [T] {
-    let (first, rest) = std::mem::take(slice).split_at_mut(n);
-    *slice = rest;
-    first
 }
 
 /// How many threads answer so many rows: as many as were asked for, else as are worth it.

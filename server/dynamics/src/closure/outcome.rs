@@ -75,11 +75,10 @@ impl<T: Real> Validity<T> {
     /// The other one after this one, on which it depends.
     #[inline(always)]
     pub(crate) fn then(self, next: Validity<T>) -> Validity<T> {
-        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         Validity {
             unreachable: self.unreachable | next.unreachable,
             singular: self.singular | next.singular,
-            gain: larger(T::ONE, self.gain) * larger(T::ONE, next.gain),
+            gain: T::larger(T::ONE, self.gain) * T::larger(T::ONE, next.gain),
         }
     }
 }

@@ -245,7 +245,7 @@ fn set_kind_and_units(cluster: &Cluster<f64>, cut: &mut BlockCut, eliminated: bo
     cut.kind = row_kind(whole, &cut.rows);
     if eliminated && cut.kind == RowKind::Ball {
         // the order of elimination is that of the original rows
-        cut.kind = if whole.angular { RowKind::Any } else { RowKind::Linear };
+        cut.kind = RowKind::Linear;
     }
     let unit = |r: usize| if is_length(cluster, &whole.rows[r]) { 1.0 } else { cluster.length };
     if cut.rows.iter().any(|(r, _)| unit(*r) != 1.0) {
@@ -313,11 +313,13 @@ fn series(
 
 /// The common kind of a block's rows of a cut.
 fn row_kind(cut: &Cut<f64>, rows: &[(usize, usize)]) -> RowKind {
-    let linear =
-        rows.iter().all(|(r, _)| cut.rows[*r].terms.is_empty() && cut.rows[*r].linear.norm() > 0.0);
+    let linear = |(r, _): &(usize, usize)| {
+        let CutRow { terms, against, linear, angular, .. } = &cut.rows[*r];
+        terms.is_empty() && against.is_none() && angular.norm() == 0.0 && linear.norm() > 0.0
+    };
     match is_ball(cut, rows) {
         true => RowKind::Ball,
-        false if linear && !cut.angular => RowKind::Linear,
+        false if rows.iter().all(linear) => RowKind::Linear,
         false => RowKind::Any,
     }
 }

@@ -187,16 +187,8 @@ impl Builder<'_> {
                 let to = &mut self.model.bodies[body];
                 to.mass += mass;
                 to.h += h;
-                for (entry, x) in to.inertia.iter_mut().zip([
-                    I[(0, 0)],
-                    I[(0, 1)],
-                    I[(0, 2)],
-                    I[(1, 1)],
-                    I[(1, 2)],
-                    I[(2, 2)],
-                ]) {
-                    *entry += x;
-                }
+                let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+                to.inertia.iter_mut().zip(places).for_each(|(entry, at)| *entry += I[at]);
             }
         }
     }

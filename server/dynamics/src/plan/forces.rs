@@ -185,15 +185,14 @@ impl Plan {
 
     /// Largest ratios to the pivots; a pivot is the articulated inertia.
     fn divided<T: Real>(&self, model: &Model<T>, ws: &Workspace<T>) -> Divided<T> {
-        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let mut largest = Divided { inertia: T::ONE, terms: T::ZERO, alone: T::ZERO };
         let mut of = |k: usize, inverse: T| {
-            let own = larger(T::from_f64(model.inertia[k]), ws.uncoupled_diagonal[k]);
+            let own = T::larger(T::from_f64(model.inertia[k]), ws.uncoupled_diagonal[k]);
             let alone = if T::ZERO < own { ws.tau_terms[k] / own } else { T::ZERO };
             largest = Divided {
-                inertia: larger(largest.inertia, inverse * own),
-                terms: larger(largest.terms, inverse * ws.tau_terms[k]),
-                alone: larger(largest.alone, alone),
+                inertia: T::larger(largest.inertia, inverse * own),
+                terms: T::larger(largest.terms, inverse * ws.tau_terms[k]),
+                alone: T::larger(largest.alone, alone),
             }
         };
         let scope = &self.needed.scope;

@@ -1,9 +1,10 @@
-//! Measurement: the machine's name, times, progress.
+//! Measurement: the machine's name, times, progress, temporary folders.
 
 pub mod machine;
 pub mod progress;
 pub mod timing;
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// The effort of a section for one robot.
@@ -21,4 +22,20 @@ pub(crate) struct Amount {
 pub struct Effort {
     /// The whole report within three minutes on two slow cores, with every peer.
     pub quick: bool,
+}
+
+/// A temporary folder, gone when dropped; its first user makes it.
+pub(crate) struct Folder(pub(crate) PathBuf);
+
+impl Folder {
+    pub(crate) fn new(name: &str) -> Folder {
+        let process = std::process::id();
+        Folder(std::env::temp_dir().join(format!("sarrus-report-{process}-{name}")))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }

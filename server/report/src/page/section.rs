@@ -111,33 +111,19 @@ pub(crate) fn columns(names: &str) -> Vec<String> {
     names.split(" | ").map(str::to_owned).collect()
 }
 
-/// The outcome of a stress case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Assessment {
-    /// A good answer.
-    Held,
-    /// A worse answer that carries a warning.
-    Degraded,
-    /// No answer, and a reason.
-    Failed,
-    /// A bad answer without a warning; also a case that is not assessed.
-    #[default]
-    FailedSilently,
-}
-
-impl Assessment {
-    /// Every assessment, from good to bad.
-    pub const ALL: [Assessment; 4] =
-        [Assessment::Held, Assessment::Degraded, Assessment::Failed, Assessment::FailedSilently];
-
-    /// Its name on the page and in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Assessment::Held => "held",
-            Assessment::Degraded => "degraded and said so",
-            Assessment::Failed => "failed and said so",
-            Assessment::FailedSilently => "failed silently",
-        }
+sarrus_dynamics::named_enum! {
+    /// The outcome of a stress case, from good to bad.
+    #[derive(Default)]
+    pub enum Assessment {
+        /// A good answer.
+        Held = "held",
+        /// A worse answer that carries a warning.
+        Degraded = "degraded and said so",
+        /// No answer, and a reason.
+        Failed = "failed and said so",
+        /// A bad answer without a warning; also a case that is not assessed.
+        #[default]
+        FailedSilently = "failed silently",
     }
 }
 

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::exported::{Deviation, Difference, Found, deviation, pythons};
 use super::{Peer, Run, peer};
 use crate::Outcome;
+use crate::measure::Folder;
 use crate::measure::timing::interleaved;
 use crate::reference::{References, layout, worse};
 use crate::robots::{Own, Planned, Question, Robot, Start, Subject};
@@ -110,19 +111,14 @@ fn of_files(loaded: &Loaded, engine: &str) -> Outcome<Option<Deviation>> {
             return Ok(Some(Deviation::NotRun(why.trim().to_owned())));
         }
     };
-    let folder = std::env::temp_dir().join(format!("sarrus_compare_{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
-    let written = exported
-        .files
-        .iter()
-        .try_for_each(|(ending, text)| std::fs::write(folder.join(format!("robot{ending}")), text));
-    let ending = exported.files.first().map_or("", |(ending, _)| ending);
-    let file = folder.join(format!("robot{ending}"));
-    let found = written
-        .map_err(Into::into)
-        .and_then(|()| deviation(&loaded.description, &exported.held, name, &file, &pythons()));
-    let _ = std::fs::remove_dir_all(&folder);
-    found.map(Some)
+    let folder = Folder::new("compare");
+    std::fs::create_dir_all(&folder.0)?;
+    let file = |ending: &str| folder.0.join(format!("robot{ending}"));
+    for (ending, text) in &exported.files {
+        std::fs::write(file(ending), text)?;
+    }
+    let first = file(exported.files.first().map_or("", |(ending, _)| ending));
+    deviation(&loaded.description, &exported.held, name, &first, &pythons()).map(Some)
 }
 
 /// A line for a quantity of the files.

@@ -125,7 +125,7 @@ fn overview(families: &[&[Case]]) -> Table {
         row.push(worst_held(family).map_or("-".into(), |error| format!("{error:.1e}")));
         row
     };
-    let names = Assessment::ALL.map(Assessment::name).join(" | ");
+    let names = Assessment::NAMES.join(" | ");
     Table {
         id: "extremes-families".into(),
         title: "Every family".into(),
@@ -174,7 +174,7 @@ fn table(family: &[Case]) -> Table {
         row
     };
     let key = if BY_ROBOT.contains(&family[0].family) { "robot" } else { "method" };
-    let names = Assessment::ALL.map(Assessment::name).join(" | ");
+    let names = Assessment::NAMES.join(" | ");
     Table {
         id: format!("{}-verdicts", id(family[0].family)),
         title: format!("{}: what held", capital(family[0].family)),

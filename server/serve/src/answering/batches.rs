@@ -98,7 +98,7 @@ impl Batches {
     }
 
     fn refuse(&self, status: Status, counters: &Counters) {
-        counters.record_refused(status);
+        counters.count(status as u32);
         self.area.publish(self.last, status);
     }
 }

@@ -3,8 +3,8 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use quanta::Clock;
+use sarrus_proto::Answer;
 use sarrus_proto::message::Counts;
-use sarrus_proto::{Answer, Status};
 
 /// Buckets of latency: sixteen for each doubling of the counter's ticks.
 const N_BUCKETS: usize = 640;
@@ -57,13 +57,9 @@ impl Counters {
         }
     }
 
-    /// Counts a refused batch.
-    pub(crate) fn record_refused(&self, status: Status) {
-        self.count(status as u32);
-    }
-
+    /// Counts a status.
     #[inline]
-    fn count(&self, status: u32) {
+    pub(crate) fn count(&self, status: u32) {
         let statuses = &self.counts.statuses;
         add_one(&statuses[(status as usize).min(statuses.len() - 1)]);
     }

@@ -130,9 +130,9 @@ impl AnsweringThread {
     pub(crate) fn answer_until_stopped(&mut self) {
         // the first reading, before any request, locates the kernel's clock page
         self.heartbeat.beat(false);
-        let ticks = |span: Duration| Ticks::of(&self.clock, span);
-        let [beat, idle, quiet, drain_time] = [BEAT, IDLE, QUIET, DRAIN_TIME].map(ticks);
-        self.beat = beat.0;
+        let spans = [BEAT, IDLE, QUIET, DRAIN_TIME];
+        let [beat, idle, quiet, drain_time] = spans.map(|span| ticks(&self.clock, span));
+        self.beat = beat;
         self.last_beat = self.clock.raw();
         let mut sweeps = 0_u32;
         let mut last_request = self.last_beat;
@@ -150,8 +150,8 @@ impl AnsweringThread {
                 let pause = now.wrapping_sub(last_request);
                 if answered > 0 {
                     last_request = now;
-                } else if pause > idle.0 && !self.awaits {
-                    std::thread::sleep(if pause > quiet.0 { LONG_NAP } else { NAP });
+                } else if pause > idle && !self.awaits {
+                    std::thread::sleep(if pause > quiet { LONG_NAP } else { NAP });
                     napped = true;
                 }
             }
@@ -164,7 +164,7 @@ impl AnsweringThread {
                 self.handle_orders();
                 let now = self.clock.raw();
                 self.beat_at(now);
-                if stopping && now.wrapping_sub(*stop_since.get_or_insert(now)) > drain_time.0 {
+                if stopping && now.wrapping_sub(*stop_since.get_or_insert(now)) > drain_time {
                     self.heartbeat.beat(true);
                     return;
                 }
@@ -434,14 +434,10 @@ impl Turn {
 }
 
 /// A span in ticks of the processor's counter.
-struct Ticks(u64);
-
-impl Ticks {
-    fn of(clock: &Clock, span: Duration) -> Ticks {
-        // nanoseconds of a million ticks give the rate
-        let ns_per_million = clock.delta_as_nanos(0, 1_000_000).max(1);
-        Ticks((span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million)
-    }
+fn ticks(clock: &Clock, span: Duration) -> u64 {
+    // nanoseconds of a million ticks give the rate
+    let ns_per_million = clock.delta_as_nanos(0, 1_000_000).max(1);
+    (span.as_nanos() as u64).saturating_mul(1_000_000) / ns_per_million
 }
 
 #[cfg(test)]

@@ -157,22 +157,9 @@ fn n_parts(request: u32, frames: usize) -> usize {
 
 /// Reads a query (`None` where no plan ran) and its number of words; `None` for malformed words.
 pub(super) fn read_query(words: &[u64]) -> Option<(Option<Query>, usize)> {
-    let &[
-        first,
-        given,
-        given_above,
-        want,
-        want_above,
-        open,
-        projection,
-        options,
-        seen,
-        n_directions,
-        ..,
-    ] = words
-    else {
-        return None;
-    };
+    let (head, rest) = words.split_first_chunk::<5>()?;
+    let [first, given, given_above, want, want_above] = *head;
+    let [open, projection, options, seen, n_directions] = *rest.first_chunk::<5>()?;
     let (request, counts) = halves(first);
     if request == 0 {
         return Some((None, QUERY_HEAD));

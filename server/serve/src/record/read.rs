@@ -117,11 +117,6 @@ impl<R: Read + Seek> Recording<R> {
         self.header.fingerprint
     }
 
-    /// Version of the server's protocol.
-    pub fn protocol(&self) -> u64 {
-        self.header.protocol
-    }
-
     /// The requested length `[s]`.
     pub fn seconds(&self) -> u64 {
         self.header.seconds

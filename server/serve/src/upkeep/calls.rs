@@ -13,6 +13,7 @@ use sarrus_proto::control::{
 };
 use sarrus_proto::message::Statistics;
 use sarrus_proto::run::Run;
+use sarrus_proto::socket::MAX_MESSAGE;
 use tracing::{debug, info, warn};
 
 use crate::system::memory::MemoryLimits;
@@ -67,10 +68,12 @@ impl Calls {
         if connection.is_over || connection.socket.is_closed() {
             return self.end(client);
         }
-        let bytes = match connection.receive(&mut self.buffer) {
-            Ok(Some(bytes)) => bytes,
+        self.buffer.resize(MAX_MESSAGE, 0);
+        let bytes = match connection.socket.receive(&mut self.buffer) {
+            Ok(Some((bytes, _))) => bytes,
             // no message after all
             Ok(None) => return,
+            // the client is gone or does not keep to the protocol
             Err(_) => return self.end(client),
         };
         let request = self.buffer.get(..bytes).map(ControlRequest::from_bytes);

@@ -21,7 +21,7 @@ use sarrus_proto::control::{Holder, Refusal};
 use sarrus_proto::message::{ClientStatistics, MAX_SERVICE_CLIENTS};
 use sarrus_proto::run::{Link, Run};
 use sarrus_proto::service::{ServedService, serve_compute};
-use sarrus_proto::socket::{ControlListener, ControlSocket, MAX_MESSAGE, timespec};
+use sarrus_proto::socket::{ControlListener, ControlSocket, timespec};
 use tracing::info;
 
 use crate::answering::batches::Batches;
@@ -458,14 +458,6 @@ fn connected(
                 if start.elapsed() < LONGEST_CONNECT && !link.has_empty_file() => {}
             Err(_) => return Err(Refusal::NoEnd),
         }
-    }
-}
-
-impl Connection {
-    /// The next message; `Err` when the client is gone or does not keep to the protocol.
-    pub(crate) fn receive(&self, buffer: &mut Vec<u8>) -> std::io::Result<Option<usize>> {
-        buffer.resize(MAX_MESSAGE, 0);
-        Ok(self.socket.receive(buffer)?.map(|(bytes, _)| bytes))
     }
 }
 

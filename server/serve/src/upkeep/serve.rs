@@ -145,7 +145,8 @@ fn serve_in(
         let started = record::start_or_warn(to, &model, options.lanes, clock.clone(), place)?;
         (hot.engine.recorder, recording) = started.unzip();
     }
-    hot.engine.set_aside(threads_aside(&model, n_places, placement)?);
+    let aside = |name| Aside::start(&model, name, n_places, place_other(placement));
+    hot.engine.set_aside([aside("sarrus-long")?, aside("sarrus-search")?]);
     let kernels = Maker::start(&options.kernels, &model, place_other(placement))?;
     // clients that connect before the first step of upkeep wait
     let socket = |source| ServeError::Socket(run.name_folder().to_owned(), source);
@@ -171,7 +172,6 @@ fn serve_in(
         buffer: Vec::new(),
         run,
     };
-    let now = Instant::now();
     let mut upkeep = Upkeep {
         heartbeat: HeartbeatReader::new(&calls.heartbeat).map_err(ServeError::Heartbeat)?,
         watchdog: Watchdog::new(2 * WAIT),
@@ -179,8 +179,8 @@ fn serve_in(
         calls,
         clock,
         shared,
-        since: now,
-        checked: now,
+        since: Instant::now(),
+        checked: Instant::now(),
         late: 0,
     };
     ready();
@@ -198,16 +198,6 @@ fn serve_in(
         recording.map(JoinHandle::join);
     }
     ended
-}
-
-/// The threads for states that need more than a turn of the answering thread.
-fn threads_aside(
-    model: &Arc<Model<f64>>,
-    n_places: usize,
-    placement: &Placement,
-) -> Result<[Aside; 2], ServeError> {
-    let start = |name| Aside::start(model, name, n_places, place_other(placement));
-    Ok([start("sarrus-long")?, start("sarrus-search")?])
 }
 
 /// Upkeep's ends of the channels to the answering thread.

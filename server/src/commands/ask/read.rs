@@ -21,27 +21,22 @@ const MOST: usize = 128;
 /// Reads a line for one kind of request on one model; without one the line names its own.
 pub(super) fn read(
     request: Option<Request>,
-    tolerances: [Tolerance; 2],
+    [loop_tolerance, projection_tolerance]: [Tolerance; 2],
     model: &ModelInfo,
     line: &str,
 ) -> Read<Asked> {
     let root = Value::parse(line)?;
     let members =
         root.members(MOST).ok_or_else(|| root.is_no("an object such as {\"y\": [0.1]}"))?;
+    let query = Query::new(Request::Kinematics, FieldSet::EMPTY, FieldSet::EMPTY);
     let mut reader = Reader {
         model,
         request,
-        names_request: request.is_none(),
+        query: Query { loop_tolerance, projection_tolerance, ..query },
         keys: Vec::new(),
         want: None,
         frames: None,
-        joints: Vec::new(),
         wrenches: Vec::new(),
-        tolerances,
-        options: QueryOptions::NONE,
-        axes: Axes::Mixed,
-        relative_to: None,
-        directions: None,
         deadline: None,
         tasks: Vec::new(),
         contacts: Vec::new(),
@@ -80,18 +75,12 @@ fn deadline(value: Value<'_>) -> Read<Duration> {
 pub(super) struct Reader<'a> {
     pub(super) model: &'a ModelInfo,
     request: Option<Request>,
-    names_request: bool,
+    /// Its request, fields, frames and wrenches come last.
+    query: Query,
     keys: Vec<(String, usize)>,
     want: Option<Vec<(Output, usize)>>,
     pub(super) frames: Option<Vec<(String, u16)>>,
-    /// The tree velocities of the wanted rows, ascending; empty for all.
-    joints: Vec<u16>,
     wrenches: Vec<(u16, Vec<f64>)>,
-    tolerances: [Tolerance; 2],
-    options: QueryOptions,
-    axes: Axes,
-    relative_to: Option<u16>,
-    directions: Option<usize>,
     deadline: Option<Duration>,
     /// Link and parts of each task.
     pub(super) tasks: Vec<(u16, TaskParts)>,
@@ -111,22 +100,24 @@ impl Reader<'_> {
             return Err(key.fault(format!("`{name}` stands here twice")));
         }
         match name.as_str() {
-            "request" if self.names_request => self.request = Some(named_request(value)?),
+            "request" if self.request.is_none() => self.request = Some(named_request(value)?),
             "want" => self.want = Some(wants(value)?),
             "frames" => self.frames = Some(self.links(value)?),
-            "joints" => self.joints = self.read_joints(value)?,
+            "joints" => self.query = self.query.with_joints(self.read_joints(value)?),
             "wrenches" => self.wrenches = self.read_wrenches(value)?,
-            "loop_tolerance" => self.tolerances[0] = Tolerance::new(from_zero(&name, value)?),
+            "loop_tolerance" => {
+                self.query = self.query.with_loop_tolerance(from_zero(&name, value)?);
+            }
             "projection_tolerance" => {
-                self.tolerances[1] = Tolerance::new(from_zero(&name, value)?);
+                self.query = self.query.with_projection_tolerance(from_zero(&name, value)?);
             }
             "search" => self.option("search", QueryOptions::SEARCH, value)?,
             "friction" => self.option("friction", QueryOptions::FRICTION, value)?,
-            "axes" => self.axes = axes(value)?,
+            "axes" => self.query = self.query.with_axes(axes(value)?),
             "relative_to" => {
                 let expected = "relative_to as the name of a link";
                 let name = value.string().ok_or_else(|| value.is_no(expected))?;
-                self.relative_to = Some(self.link(&name, value)?);
+                self.query = self.query.relative_to(self.link(&name, value)?);
             }
             "deadline_us" => self.deadline = Some(deadline(value)?),
             _ if self.task_member(key, value)? => {}
@@ -168,7 +159,7 @@ impl Reader<'_> {
             }
             "directions" => {
                 let numbers = self.read_rows("a direction", value, 1..=MAX_DIRECTIONS, n)?;
-                self.directions = Some(numbers.len() / n.max(1));
+                self.query.n_directions = (numbers.len() / n.max(1)) as u64;
                 (Field::Directions, numbers)
             }
             "gains_u" => {
@@ -197,7 +188,7 @@ impl Reader<'_> {
     fn option(&mut self, name: &str, option: QueryOptions, value: Value<'_>) -> Read {
         let expected = || value.is_no(&format!("{name} as true or false"));
         if value.boolean().ok_or_else(expected)? {
-            self.options = self.options.with(option);
+            self.query = self.query.with_options(option);
         }
         Ok(())
     }
@@ -388,11 +379,7 @@ impl Reader<'_> {
         let want = outputs
             .iter()
             .fold(FieldSet::EMPTY, |set, (output, _)| FieldSet(set.0 | output.fields().0));
-        let [loop_tolerance, projection_tolerance] = self.tolerances;
-        let query = Query::new(request, given, want).with_options(self.options);
-        let query = Query { loop_tolerance, projection_tolerance, ..query }.with_axes(self.axes);
-        let query = self.relative_to.map_or(query, |link| query.relative_to(link));
-        let mut query = query.with_joints(self.joints);
+        let mut query = Query { request: request as u32, given, want, ..self.query };
         // the frames of tasks are those of the query
         let model = self.model;
         let of_tasks = || {
@@ -408,9 +395,6 @@ impl Reader<'_> {
         if !self.wrenches.is_empty() {
             query = query
                 .with_wrenches(&self.wrenches.iter().map(|(link, _)| *link).collect::<Vec<u16>>());
-        }
-        if let Some(count) = self.directions {
-            query = query.with_directions(count);
         }
         query.check(self.model).map_err(|error| refused(&error, &self.keys, &outputs, root))?;
 

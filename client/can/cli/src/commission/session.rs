@@ -255,15 +255,8 @@ impl Session {
         let away = if limits.upper - start >= start - limits.lower { 1.0 } else { -1.0 };
         let way = away * part * (limits.upper - limits.lower);
         let seconds = seconds.max(way.abs() / (SPEED * limits.velocity));
-        let mut trial = Trial {
-            part,
-            way,
-            moved: 0.0,
-            effort: f64::NAN,
-            model: f64::NAN,
-            has_pose: true,
-            others: vec![0.0; self.places.len()],
-        };
+        let mut has_pose = true;
+        let mut others = vec![0.0_f64; self.places.len()];
         // of the reported efforts and of the model's
         let mut sums = [0.0; 2];
         let mut n = 0.0;
@@ -278,7 +271,7 @@ impl Session {
                 let speed = if part_of_time < 1.0 { (to - from) * way / seconds } else { 0.0 };
                 put(&mut self.command.position, actuator, target);
                 put(&mut self.command.velocity, actuator, speed);
-                trial.has_pose &= self.balance(model);
+                has_pose &= self.balance(model);
                 self.cycle();
                 if let Some(trouble) = self.trouble(actuator) {
                     return Err(trouble);
@@ -290,9 +283,9 @@ impl Session {
                     sums[1] += of(&efforts, actuator);
                     n += 1.0;
                 } else if counts {
-                    trial.has_pose = false;
+                    has_pose = false;
                 }
-                for (moved, other) in trial.others.iter_mut().zip(&self.places) {
+                for (moved, other) in others.iter_mut().zip(&self.places) {
                     let by = of(&self.state.position, *other) - of(&before.position, *other);
                     *moved = moved.max(by.abs());
                 }
@@ -300,10 +293,9 @@ impl Session {
             self.wait(REST);
             *end = of(&self.state.position, actuator);
         }
-        trial.moved = ends[0] - ends[1];
-        [trial.effort, trial.model] = sums.map(|sum| sum / n);
-        put(&mut trial.others, place, 0.0);
-        Ok(trial)
+        let [effort, model] = sums.map(|sum| sum / n);
+        put(&mut others, place, 0.0);
+        Ok(Trial { part, way, moved: ends[0] - ends[1], effort, model, has_pose, others })
     }
 }
 

@@ -10,7 +10,6 @@ use sarrus_can_sim::Simulated;
 
 use super::line::Line;
 use super::motors::Motors;
-use super::say;
 use sarrus_can_run::bus::BusError;
 
 /// A line that was understood.
@@ -78,7 +77,7 @@ pub(super) fn obey(
 ) -> Result<(), BusError> {
     let done = match order {
         Order::Report => {
-            say(&motors.report(now_ns, lines.iter().map(Line::report).collect()));
+            let _ = crate::tell(motors.report(now_ns, lines.iter().map(Line::report).collect()));
             true
         }
         Order::Fault(motor, code) => motors.with(motor, |motor| motor.fault(*code)),

@@ -11,7 +11,7 @@ mod link;
 mod motors;
 mod robot;
 
-use std::io::{self, BufRead, IsTerminal, Write};
+use std::io::{self, BufRead, IsTerminal};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -38,6 +38,8 @@ const STEP: Duration = Duration::from_millis(1);
 /// Inertia and viscous friction of a small brushless motor on a shaft of its own `[kg m², N m
 /// s/rad]`. Through a screw with a lead of 10 mm they are 39 kg and 39 N s/m.
 const ROTOR: f64 = 1e-4;
+
+type Error = Box<dyn std::error::Error>;
 
 /// Options of `simulate`.
 #[derive(Args)]
@@ -97,7 +99,7 @@ struct Simulation {
     _links: Vec<Link>,
 }
 
-fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simulation, String> {
+fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simulation, Error> {
     let stop = crate::run::until_asked()?;
     let chosen: Vec<usize> = match &arguments.bus {
         None => (0..configuration.buses.len()).collect(),
@@ -123,16 +125,16 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
         let Some(config) = configuration.buses.get(place) else { continue };
         let (bus, channel): (Box<dyn Bus>, String) =
             if arguments.pty && (config.interface == "slcan" || arguments.link.is_some()) {
-                let pseudo = Pseudo::new().map_err(|error| error.to_string())?;
+                let pseudo = Pseudo::new()?;
                 let path = arguments.link.clone().unwrap_or_else(|| PathBuf::from(&config.channel));
                 links.push(Link::make(pseudo.path(), &path)?);
                 (Box::new(pseudo), path.display().to_string())
             } else {
-                let bus = Reconnecting::open(&config.name, Address::of(config))
-                    .map_err(|error| error.to_string())?;
+                let bus = Reconnecting::open(&config.name, Address::of(config))?;
                 (Box::new(bus), config.channel.clone())
             };
-        say(&format!("ready {} {channel}", config.name));
+        // nobody may be listening, now or later
+        let _ = crate::tell(format_args!("ready {} {channel}", config.name));
         let seed = arguments.seed.wrapping_add(place as u64);
         lines.push(Line::new(config.name.clone(), place, bus, seed));
     }
@@ -179,11 +181,11 @@ fn wait_for_terminal() {
 }
 
 impl Simulation {
-    fn run(&mut self) -> Result<(), String> {
+    fn run(&mut self) -> Result<(), Error> {
         // orders of `--fault` take effect before the first frame
-        self.obey(now_ns()).map_err(|error| error.to_string())?;
+        self.obey(now_ns())?;
         while !self.stop.load(Ordering::Relaxed) {
-            self.cycle().map_err(|error| error.to_string())?;
+            self.cycle()?;
         }
         Ok(())
     }
@@ -205,7 +207,7 @@ impl Simulation {
             line.send(now_ns)?;
         }
         self.obey(now_ns)?;
-        self.motors.news(now_ns).iter().for_each(|news| say(news));
+        self.motors.news(now_ns).iter().for_each(|news| drop(crate::tell(news)));
         let readable = self.lines.iter().filter_map(|line| line.bus.readable());
         let mut fds: Vec<PollFd<'_>> =
             readable.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)).collect();
@@ -214,10 +216,4 @@ impl Simulation {
         bus::wait_for(&mut fds, rest.map_or(STEP, |rest| rest.min(STEP)))?;
         Ok(())
     }
-}
-
-/// A line on stdout, at once. Nobody may be listening any more.
-fn say(line: &str) {
-    let mut out = io::stdout().lock();
-    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }

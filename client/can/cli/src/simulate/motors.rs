@@ -6,8 +6,8 @@ use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Plant, Simulated};
 use serde_json::{Value, json};
 
-use super::Dynamics;
 use super::robot::Moving;
+use super::{Dynamics, Error};
 
 /// Step of the robot's integration `[ns]`.
 const STEP_NS: u64 = 1_000_000;
@@ -41,7 +41,7 @@ impl Motors {
         buses: &[usize],
         physics: Physics,
         dynamics: Dynamics,
-    ) -> Result<Motors, String> {
+    ) -> Result<Motors, Error> {
         let mut motors = Vec::new();
         for config in configuration.motors.iter().filter(|motor| buses.contains(&motor.bus)) {
             let name = configuration.actuators.get(config.actuator).cloned().unwrap_or_default();
@@ -62,11 +62,9 @@ impl Motors {
         let robot = match dynamics {
             Dynamics::Motor => None,
             Dynamics::Robot if buses.len() < configuration.buses.len() => {
-                return Err(
-                    "--dynamics robot moves all motors together: simulate all buses in one \
-                    process, without --bus"
-                        .to_owned(),
-                );
+                return Err("--dynamics robot moves all motors together: simulate all buses in \
+                            one process, without --bus"
+                    .into());
             }
             Dynamics::Robot => Some(Moving::new(configuration, physics)?),
         };

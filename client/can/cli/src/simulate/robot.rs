@@ -20,6 +20,8 @@ use sarrus_can_core::mapping::Mapping;
 use sarrus_can_sim::{Physics, Plant};
 use sarrus_client::{Options, PlanId, Request, Robot, Status};
 
+use super::Error;
+
 /// Time constant in which the stand stops a rotor `[s]`.
 const STAND: f64 = 1e-7;
 
@@ -51,21 +53,19 @@ struct Law {
 
 impl Moving {
     /// The configuration's robot, at rest where all its independent coordinates are zero.
-    pub(super) fn new(configuration: &Configuration, physics: Physics) -> Result<Moving, String> {
+    pub(super) fn new(configuration: &Configuration, physics: Physics) -> Result<Moving, Error> {
         let source = configuration
             .source
             .as_ref()
             .ok_or("--dynamics robot needs a configuration with `robot` or `urdf`")?;
-        let mut robot =
-            Robot::load(source, &Options::default()).map_err(|error| error.to_string())?;
+        let mut robot = Robot::load(source, &Options::default())?;
         let n_y = robot.model().sizes.n_vy;
         let n_u = configuration.actuators.len();
         if robot.model().sizes.n_qy != n_y {
-            return Err("--dynamics robot needs a robot whose base is fixed".to_owned());
+            return Err("--dynamics robot needs a robot whose base is fixed".into());
         }
         let query = robot.query(Request::InverseDynamics).given(["y", "yd", "ydd"]);
-        let plan = query.want(["u", "ud", "G_u", "M_y", "C_y"]).prepare();
-        let plan = plan.map_err(|error| error.to_string())?;
+        let plan = query.want(["u", "ud", "G_u", "M_y", "C_y"]).prepare()?;
         let Physics { inertia, .. } = physics;
         let still = Law { damping: inertia / STAND, inertia, ..Law::default() };
         let output = vec![0.0; 2 * n_u + n_u * n_y + n_y * n_y + n_y];
@@ -171,17 +171,14 @@ impl Moving {
     }
 
     /// Evaluates the robot where it is.
-    fn ask(&mut self) -> Result<(), String> {
+    fn ask(&mut self) -> Result<(), Error> {
         let numbers = self.y.iter().chain(&self.yd).copied().chain(std::iter::repeat(0.0));
         self.input.iter_mut().zip(numbers).for_each(|(place, number)| *place = number);
-        let answer = self
-            .robot
-            .ask(self.plan, &self.input, &mut self.output)
-            .map_err(|error| error.to_string())?;
+        let answer = self.robot.ask(self.plan, &self.input, &mut self.output)?;
         if answer.status == Status::Ok {
             Ok(())
         } else {
-            Err(format!("the robot cannot stand at zero: {}", answer.status.name()))
+            Err(format!("the robot cannot stand at zero: {}", answer.status.name()).into())
         }
     }
 }

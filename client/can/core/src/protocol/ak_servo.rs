@@ -14,7 +14,7 @@
 
 use std::f64::consts::TAU;
 
-use super::keys::{POLE_PAIRS, id, motor_torque_constant};
+use super::keys::{POLE_PAIRS, motor_torque_constant};
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
 use super::{Common, Key, Made, Protocol, Settings, fault};
@@ -32,7 +32,7 @@ pub(super) const AK_SERVO: Protocol = Protocol {
     modes: &[Mode::Torque],
     fd: false,
     keys: &[
-        id(0, 255, "number of the motor"),
+        Key::integer("id", 0, 255, "number of the motor"),
         Key::integer("upload", 0, 0xFF, "command in the identifier of the uploaded state")
             .or("0x29"),
         motor_torque_constant("torque at the output for the motor's current [N m/A]"),

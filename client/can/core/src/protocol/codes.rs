@@ -110,11 +110,11 @@ impl Codes {
     pub(super) const fn new(ranges: [f64; 5], bits: u32) -> Codes {
         let [position, velocity, torque, stiffness, damping] = ranges;
         Codes {
-            position: Scale::around_zero(position, 16),
-            velocity: Scale::around_zero(velocity, bits),
-            torque: Scale::around_zero(torque, bits),
-            stiffness: Scale::from_zero(stiffness, bits),
-            damping: Scale::from_zero(damping, bits),
+            position: Scale::between(-position, position, 16),
+            velocity: Scale::between(-velocity, velocity, bits),
+            torque: Scale::between(-torque, torque, bits),
+            stiffness: Scale::between(0.0, stiffness, bits),
+            damping: Scale::between(0.0, damping, bits),
         }
     }
 

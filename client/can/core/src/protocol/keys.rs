@@ -19,8 +19,3 @@ pub(super) const RANGES: [&str; 5] =
 pub(super) const fn range(name: &'static str, about: &'static str) -> Key {
     Key::number(name, 1e-3, 1e5, about)
 }
-
-/// The number of a motor on its bus.
-pub(super) const fn id(least: i64, most: i64, about: &'static str) -> Key {
-    Key::integer("id", least, most, about)
-}

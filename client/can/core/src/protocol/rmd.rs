@@ -18,10 +18,10 @@
 //! drive's own loops of speed and position (A2, A4) are left out: the protocol has no torque limit
 //! for them.
 
-use super::keys::{id, motor_torque_constant};
+use super::keys::motor_torque_constant;
 use super::number::{limited, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
-use super::{Common, Made, Protocol, Settings};
+use super::{Common, Key, Made, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Parameter, Receipt, Reply, Setpoint,
     Watchdog,
@@ -37,7 +37,7 @@ pub(super) const RMD: Protocol = Protocol {
     modes: &[Mode::Torque],
     fd: false,
     keys: &[
-        id(1, 32, "number of the motor"),
+        Key::integer("id", 1, 32, "number of the motor"),
         motor_torque_constant("torque at the output for the current that the drive says [N m/A]"),
     ],
     make,

@@ -14,17 +14,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// −`half` … `half`.
-    pub(super) const fn around_zero(half: f64, bits: u32) -> Scale {
-        Scale::between(-half, half, bits)
-    }
-
-    /// 0 … `high`.
-    pub(super) const fn from_zero(high: f64, bits: u32) -> Scale {
-        Scale::between(0.0, high, bits)
-    }
-
-    const fn between(low: f64, high: f64, bits: u32) -> Scale {
+    pub(super) const fn between(low: f64, high: f64, bits: u32) -> Scale {
         let range = high - low;
         let most = ((1_u32 << bits) - 1) as f64;
         Scale { low, high, range, most, step: range / most }
@@ -88,9 +78,9 @@ mod tests {
     fn every_code_comes_back_as_itself() {
         for bits in [12, 16] {
             for scale in [
-                Scale::around_zero(12.5, bits),
-                Scale::around_zero(95.5, bits),
-                Scale::from_zero(500.0, bits),
+                Scale::between(-12.5, 12.5, bits),
+                Scale::between(-95.5, 95.5, bits),
+                Scale::between(0.0, 500.0, bits),
             ] {
                 for code in 0..=u16::MAX >> (16 - bits) {
                     assert_eq!(scale.code(scale.value(code), false), code);
@@ -102,7 +92,7 @@ mod tests {
 
     #[test]
     fn towards_zero_no_code_is_larger_than_its_value() {
-        let scale = Scale::around_zero(18.0, 12);
+        let scale = Scale::between(-18.0, 18.0, 12);
         let half = 0.5 * scale.step;
         for n in 0..20_000 {
             let value = -18.0 + 36.0 * f64::from(n) / 19_999.0;
@@ -113,17 +103,17 @@ mod tests {
         for code in 0..=4095 {
             assert_eq!(scale.toward_zero(scale.value(code), true).0, code, "a code's own value");
         }
-        let gain = Scale::from_zero(500.0, 12);
+        let gain = Scale::between(0.0, 500.0, 12);
         assert_eq!((gain.toward_zero(0.12, false).0, gain.toward_zero(0.13, false).0), (0, 1));
         assert_eq!(gain.toward_zero(1e300, false).0, 4095);
     }
 
     #[test]
     fn values_beyond_the_ends_saturate_and_nan_is_zero() {
-        let scale = Scale::around_zero(12.5, 12);
+        let scale = Scale::between(-12.5, 12.5, 12);
         assert_eq!((scale.code(f64::INFINITY, false), scale.code(1e300, false)), (4095, 4095));
         assert_eq!((scale.code(f64::NEG_INFINITY, false), scale.code(-1e300, false)), (0, 0));
         assert_eq!((scale.code(f64::NAN, false), scale.code(f64::NAN, true)), (2047, 2048));
-        assert_eq!(Scale::from_zero(500.0, 12).code(-1.0, false), 0);
+        assert_eq!(Scale::between(0.0, 500.0, 12).code(-1.0, false), 0);
     }
 }

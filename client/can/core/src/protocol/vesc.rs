@@ -22,11 +22,11 @@
 
 use std::f64::consts::TAU;
 
-use super::keys::{POLE_PAIRS, id, motor_torque_constant};
+use super::keys::{POLE_PAIRS, motor_torque_constant};
 use super::number::{limited, steps, steps_toward_zero};
 use super::power_up::{Action, PowerUp};
 use super::turns::Unwrapped;
-use super::{Common, Made, Protocol, Settings};
+use super::{Common, Key, Made, Protocol, Settings};
 use crate::drive::{
     Drive, DriveCommand, DriveState, Measurement, Mode, Receipt, Reply, Setpoint, Watchdog,
 };
@@ -41,7 +41,7 @@ pub(super) const VESC: Protocol = Protocol {
     modes: &[Mode::Torque, Mode::Velocity, Mode::Position],
     fd: false,
     keys: &[
-        id(0, 254, "VESC ID of the controller"),
+        Key::integer("id", 0, 254, "VESC ID of the controller"),
         motor_torque_constant("torque of the motor for its current [N m/A]"),
         POLE_PAIRS,
     ],

@@ -112,6 +112,14 @@ impl<'a, T: Real> CutState<'a, T> {
         CutState::with(cut, pose, Angular::new)
     }
 
+    /// The state of a cut for rows that hold no angle.
+    #[inline(always)]
+    pub(in crate::closure) fn linear(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
+        let [p, s] = [cut.predecessor, cut.successor].map(|of| &pose[of]);
+        let point = s.point(&cut.x_s_cut.p);
+        CutState { R_p: &p.R, point, d: point - p.point(&cut.x_p_cut.p), angular: None }
+    }
+
     /// The same with ω for θ̇ where the cut allows it: the rows of K and k.
     pub(super) fn of_forces(cut: &Cut<T>, pose: &'a [Pose<T>]) -> CutState<'a, T> {
         CutState::with(cut, pose, if cut.on_line { Angular::at_zero } else { Angular::new })
@@ -123,12 +131,8 @@ impl<'a, T: Real> CutState<'a, T> {
         pose: &'a [Pose<T>],
         angular: impl FnOnce(&Cut<T>, &Pose<T>, &Pose<T>) -> Angular<T>,
     ) -> CutState<'a, T> {
-        let p = &pose[cut.predecessor];
-        let s = &pose[cut.successor];
-        let point = s.point(&cut.x_s_cut.p);
-        let d = point - p.point(&cut.x_p_cut.p);
-        let angular = cut.angular.then(|| angular(cut, p, s));
-        CutState { R_p: &p.R, point, d, angular }
+        let own = || angular(cut, &pose[cut.predecessor], &pose[cut.successor]);
+        CutState { angular: cut.angular.then(own), ..CutState::linear(cut, pose) }
     }
 
     /// φ of a row.
@@ -240,13 +244,18 @@ impl<T: Real> Angular<T> {
         Angular { A: Matrix::identity(), R_P, R_S, theta: zero() }
     }
 
+    /// With θ, for values alone.
+    #[inline(never)]
+    fn turned(cut: &Cut<T>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
+        let at = Angular::at_zero(cut, p, s);
+        Angular { theta: log(&at.R_P.transpose().times(at.R_S)), ..at }
+    }
+
     #[inline(never)]
     fn new(cut: &Cut<T>, p: &Pose<T>, s: &Pose<T>) -> Angular<T> {
-        let R_P = p.R.times(cut.x_p_cut.R);
-        let R_S = s.R.times(cut.x_s_cut.R);
-        let theta = log(&R_P.transpose().times(R_S));
-        let (c, _) = log_factors(&theta);
-        Angular { A: rate_matrix(&theta, c), R_P, R_S, theta }
+        let at = Angular::turned(cut, p, s);
+        let (c, _) = log_factors(&at.theta);
+        Angular { A: rate_matrix(&at.theta, c), ..at }
     }
 }
 
@@ -289,7 +298,7 @@ pub(crate) fn constraint_residual<T: Real>(
 ) {
     let mut r = 0;
     for cut in &cluster.cuts {
-        let state = CutState::new(cut, pose);
+        let state = CutState::with(cut, pose, Angular::turned);
         for row in &cut.rows {
             phi[r] = state.value(cluster, row, q);
             r += 1;

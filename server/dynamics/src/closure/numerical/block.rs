@@ -203,9 +203,8 @@ impl Block {
     /// The gain of this block b, which multiplies that of the blocks before it.
     #[inline(always)]
     pub(super) fn multiply_gain<T: Real>(&self, b: usize, own: T, gains: &mut [T]) {
-        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
-        let before = self.earlier.iter().fold(T::ONE, |gain, a| larger(gain, gains[*a]));
-        gains[b] = larger(T::ONE, own) * before;
+        let before = self.earlier.iter().fold(T::ONE, |gain, a| T::larger(gain, gains[*a]));
+        gains[b] = T::larger(T::ONE, own) * before;
     }
 
     /// Inverse of A into the block's place.
@@ -324,7 +323,11 @@ impl<'a, T: Real> RowsAt<'a, T> {
         pose: &'a [Pose<T>],
         q: &'a [T],
     ) -> RowsAt<'a, T> {
-        RowsAt { rows, cut, pose, q, state: CutState::new(cut, pose) }
+        let state = match rows.kind {
+            RowKind::Any => CutState::new(cut, pose),
+            _ => CutState::linear(cut, pose),
+        };
+        RowsAt { rows, cut, pose, q, state }
     }
 
     /// Directions of the rows, in their order here.

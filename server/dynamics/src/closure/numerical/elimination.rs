@@ -53,7 +53,6 @@ impl Elimination {
     fn in_order<T: Real>(&self, A: &mut [T], inverse: &mut [T], m: usize) -> (bool, T) {
         let floor = T::from_f64(least_pivot::<T>());
         let growth = T::from_f64(GROWTH);
-        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         let mut good = true;
         let mut det = T::ONE;
         inverse.fill(T::ZERO);
@@ -65,7 +64,7 @@ impl Elimination {
             let (of_unit, below_unit) = inverse.split_at_mut((k + 1) * m);
             let row = &mut done[k * m..];
             let pivot = row[k];
-            let largest = right.iter().fold(pivot.abs(), |x, j| larger(x, row[*j].abs()));
+            let largest = right.iter().fold(pivot.abs(), |x, j| T::larger(x, row[*j].abs()));
             good &= (largest * floor).lt(pivot.abs());
             det *= pivot;
             let reciprocal = T::ONE / pivot;
@@ -111,11 +110,10 @@ impl Elimination {
         (0..m).for_each(|k| inverse[k * m + k] = T::ONE);
         let mut good = true;
         let mut det = T::ONE;
-        let larger = |a: T, b: T| T::select_lt(a, b, b, a);
         for k in 0..m {
             det *= exchange(A, inverse, m, m, k);
             let pivot = A[k * m + k];
-            let largest = (k..m).fold(T::ZERO, |x, j| larger(x, A[k * m + j].abs()));
+            let largest = (k..m).fold(T::ZERO, |x, j| T::larger(x, A[k * m + j].abs()));
             good &= (largest * T::from_f64(least_pivot::<T>())).lt(pivot.abs());
             det *= pivot;
             eliminate(A, inverse, m, m, k);

@@ -136,12 +136,11 @@ pub(in crate::closure) fn inverse_square_sines<T: Real>(
     sizes: &[f64],
     m: usize,
 ) -> [T; 2] {
-    let larger = |a: T, b: T| T::select_lt(a, b, b, a);
     let mut largest = [T::ZERO; 2];
     for ((row, square), size) in inverse.chunks_exact(m).zip(squares).zip(sizes) {
         let of_row = row.iter().fold(T::ZERO, |sum, x| x.mul_add(*x, sum));
-        largest[0] = larger(largest[0], of_row * *square);
-        largest[1] = larger(largest[1], of_row * longer(*square, *size));
+        largest[0] = T::larger(largest[0], of_row * *square);
+        largest[1] = T::larger(largest[1], of_row * longer(*square, *size));
     }
     largest
 }

@@ -239,12 +239,7 @@ fn reported(robot: &Robot, ask: &Question, answer: &Answered<f64>) -> Outcome<St
     let want = [Residual, SigmaMin, NearestY, Uncontrolled];
     let helps = beside(robot, ask, Request::Kinematics, &want)?;
     let mut reported: Vec<Cow<'_, str>> = Vec::new();
-    for (field, name) in [
-        (Residual, "residual"),
-        (SigmaMin, "σ_min"),
-        (NearestY, "nearest y"),
-        (Uncontrolled, "uncontrolled"),
-    ] {
+    for (field, name) in want.into_iter().zip(["residual", "σ_min", "nearest y", "uncontrolled"]) {
         let numbers = helps.get(field);
         let few: Vec<String> = numbers
             .iter()

@@ -75,15 +75,12 @@ impl RobotModel {
                 // the observer begins at none
                 linkage.independents.iter().for_each(|(v, _)| self.observer[3 * v] = 0.0);
             } else if is_known && is_following && linkage.factorise(&self.pose) {
-                let efforts = &self.efforts;
-                let limits = &self.limits;
-                let gravity = &self.gravity;
-                let asked = &mut self.asked;
-                linkage.efforts(&self.pose, asked);
-                let reported = |u: usize| if is_external { 0.0 } else { efforts[u].rate };
+                linkage.efforts(&self.pose, &mut self.asked);
+                let reported = |u: usize| if is_external { 0.0 } else { self.efforts[u].rate };
                 linkage.efforts_beside(&self.pose, reported, |u, deviation| {
-                    let moving = if is_external { 0.0 } else { asked[u] - gravity[u] };
-                    is_beyond |= deviation.abs() > part * limits[u].effort + MOTION * moving.abs();
+                    let moving = if is_external { 0.0 } else { self.asked[u] - self.gravity[u] };
+                    let most = part * self.limits[u].effort + MOTION * moving.abs();
+                    is_beyond |= deviation.abs() > most;
                 });
             }
             let is_settled = *seen_ns >= *settled_ns;
@@ -113,11 +110,10 @@ impl RobotModel {
         for k in 0..self.mechanisms.len() {
             let is_weighable = self.is_weighable(k, WEIGHED);
             let Assessed { linkage, .. } = &mut self.mechanisms[k];
-            let gravity = &mut self.gravity;
             if is_weighable && linkage.factorise(&self.pose) {
-                linkage.efforts(&self.pose, gravity);
+                linkage.efforts(&self.pose, &mut self.gravity);
             } else {
-                linkage.actuators.iter().for_each(|u| gravity[*u] = 0.0);
+                linkage.actuators.iter().for_each(|u| self.gravity[*u] = 0.0);
             }
         }
     }
