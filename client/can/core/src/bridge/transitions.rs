@@ -117,17 +117,25 @@ impl Bridge {
     /// A mechanism whose motors all have power follows; one whose commands stay away is stopped.
     pub(super) fn follow(&mut self, number: usize, now_ns: u64, is_late: bool, is_lost: bool) {
         let Some(mechanism) = self.mechanisms.get_mut(number) else { return };
-        let motors = || mechanism.motors(&self.motors);
-        let is_on = |motor: &Motor| motor.drive.power == Power::On;
-        let still = mechanism.still();
-        let members = Members {
-            all_on: motors().all(is_on),
-            all_off: !motors().any(is_on),
-            runs_away: motors().any(Motor::runs_away),
-            moves: motors().any(|motor| motor.velocity.abs() > still),
-            is_outside: motors().any(Motor::is_outside),
-            all_resting: !mechanism.is_stopping() || motors().all(Motor::is_resting),
+        let mut members = Members {
+            all_on: true,
+            all_off: true,
+            runs_away: false,
+            moves: false,
+            is_outside: false,
+            all_resting: true,
         };
+        let still = mechanism.still();
+        let is_stopping = mechanism.is_stopping();
+        for motor in mechanism.motors(&self.motors) {
+            let is_on = motor.drive.power == Power::On;
+            members.all_on &= is_on;
+            members.all_off &= !is_on;
+            members.runs_away |= motor.runs_away();
+            members.is_outside |= motor.is_outside();
+            members.all_resting &= !is_stopping || motor.is_resting();
+            members.moves |= motor.velocity.abs() > still;
+        }
         let change = mechanism.follow(
             now_ns,
             self.configuration.timeouts.arming_ns,
