@@ -16,6 +16,8 @@ use crate::rotation::rotated;
 
 /// Most bodies, joints, geoms and sites of a model with its repetitions.
 const MOST_PARTS: usize = 10_000;
+/// Most elements of attached files, with their repetitions.
+const MOST_ELEMENTS: usize = 1_000_000;
 
 /// The motion of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -192,6 +194,7 @@ pub(super) struct Walk<'e, 'd> {
     diagnostics: &'d mut Diagnostics,
     tree: Tree,
     n_parts: usize,
+    n_elements: usize,
 }
 
 impl<'e, 'd> Walk<'e, 'd> {
@@ -202,7 +205,7 @@ impl<'e, 'd> Walk<'e, 'd> {
     ) -> Walk<'e, 'd> {
         let world = Body::new("world".to_owned(), Span::start(0), 0, Pose::NONE);
         let tree = Tree { bodies: vec![world], joints: Vec::new(), sites: BTreeMap::new() };
-        Walk { source, files, attached: Vec::new(), diagnostics, tree, n_parts: 0 }
+        Walk { source, files, attached: Vec::new(), diagnostics, tree, n_parts: 0, n_elements: 0 }
     }
 
     /// The tree of a model, and the files that it has parts of.
@@ -322,12 +325,13 @@ impl<'e, 'd> Walk<'e, 'd> {
         let item = Item::plain(element);
         let source = self.source.attached(&item, &place.suffix, self.files, self.diagnostics);
         if let Some(source) = source {
+            self.n_elements += source.root.size();
+            if self.attached.len() >= MOST_FILES || self.n_elements > MOST_ELEMENTS {
+                self.n_parts = self.n_parts.max(MOST_PARTS);
+            }
             let outer = std::mem::replace(&mut self.source, source);
             self.place(&Place { class: None, ..place.clone() });
             self.attached.push(std::mem::replace(&mut self.source, outer));
-            if self.attached.len() >= MOST_FILES {
-                self.n_parts = self.n_parts.max(MOST_PARTS);
-            }
         }
     }
 

@@ -71,6 +71,11 @@ impl Element {
         self.children.iter().find(|of| of.name == name).inspect(|of| of.is_read.set(true))
     }
 
+    /// The number of elements, this one among them.
+    pub(crate) fn size(&self) -> usize {
+        1 + self.children.iter().map(Element::size).sum::<usize>()
+    }
+
     /// Marks the element, its attributes and all that it holds as read.
     pub(crate) fn read_all(&self) {
         self.is_read.set(true);
