@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sarrus_dynamics::description::{Inertial, Placement, Terms};
+use sarrus_dynamics::description::{Inertial, Terms};
 
 use super::compiler::{Compiler, FromGeoms};
 use super::document::{Element, Files, MOST_FILES};
@@ -17,7 +17,7 @@ use crate::rotation::rotated;
 /// Most bodies, joints, geoms and sites of a model with its repetitions.
 const MOST_PARTS: usize = 10_000;
 /// Most elements of attached files, with their repetitions.
-const MOST_ELEMENTS: usize = 1_000_000;
+const MOST_ELEMENTS: usize = 100_000;
 
 /// The motion of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -116,6 +116,15 @@ impl Tree {
         self.bodies.iter().position(|body| body.name == name)
     }
 
+    /// Whether a joint, a body or a site has this name.
+    pub(crate) fn has(&self, tag: &str, name: &str) -> bool {
+        match tag {
+            "joint" => self.joint(name).is_some(),
+            "body" => self.body(name).is_some(),
+            _ => tag == "site" && self.sites.contains_key(name),
+        }
+    }
+
     pub(crate) fn joint(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
     }
@@ -180,6 +189,10 @@ impl Tree {
 #[derive(Clone)]
 struct Place<'e> {
     body: usize,
+    /// Whether the body is of the file that is read.
+    is_own: bool,
+    /// Groups of the geoms that have mass in the body's file.
+    groups: [f64; 2],
     frame: Pose,
     class: Option<&'e str>,
     suffix: String,
@@ -210,8 +223,10 @@ impl<'e, 'd> Walk<'e, 'd> {
 
     /// The tree of a model, and the files that it has parts of.
     pub(super) fn read(mut self) -> (Tree, Vec<Source<'e>>) {
+        let groups = self.source.compiler.groups;
+        let frame = Pose::NONE;
         let suffix = String::new();
-        self.place(&Place { body: 0, frame: Pose::NONE, class: None, suffix });
+        self.place(&Place { body: 0, is_own: true, groups, frame, class: None, suffix });
         self.tree.sort_joints();
         self.scale_mass();
         self.attached.insert(0, self.source);
@@ -220,8 +235,9 @@ impl<'e, 'd> Walk<'e, 'd> {
 
     /// The part of a file that is placed, or all that its worlds hold.
     fn place(&mut self, place: &Place<'e>) {
-        if let Some(part) = self.source.part {
-            return self.content(std::slice::from_ref(part), place);
+        if let Some((part, class)) = self.source.part {
+            let class = Some(class).filter(|of| !of.is_empty());
+            return self.content(std::slice::from_ref(part), &Place { class, ..place.clone() });
         }
         let root = self.source.root;
         for world in root.all("worldbody") {
@@ -258,7 +274,7 @@ impl<'e, 'd> Walk<'e, 'd> {
                 "geom" if place.body != 0 => {
                     let item =
                         self.source.classes.item(child, &["geom"], place.class, self.diagnostics);
-                    let part = geom::part(&item, &self.source, self.diagnostics);
+                    let part = geom::part(&item, &self.source, place.groups, self.diagnostics);
                     let frame = place.frame;
                     let part = part.map(|part| Part { pose: frame.then(part.pose), ..part });
                     self.tree.bodies[place.body].parts.extend(part);
@@ -315,8 +331,15 @@ impl<'e, 'd> Walk<'e, 'd> {
         let pose = place.frame.then(pose);
         self.tree.bodies.push(Body::new(name, item.span(), place.body, pose));
         let class = item.text("childclass").or(place.class);
-        let suffix = place.suffix.clone();
-        self.content(&element.children, &Place { body, frame: Pose::NONE, class, suffix });
+        let place = Place {
+            body,
+            is_own: true,
+            groups: self.source.compiler.groups,
+            frame: Pose::NONE,
+            class,
+            suffix: place.suffix.clone(),
+        };
+        self.content(&element.children, &place);
         self.tree.bodies[body].inertial = self.inertial_of(body);
     }
 
@@ -324,13 +347,17 @@ impl<'e, 'd> Walk<'e, 'd> {
     fn attach(&mut self, element: &'e Element, place: &Place<'e>) {
         let item = Item::plain(element);
         let source = self.source.attached(&item, &place.suffix, self.files, self.diagnostics);
+        if source.is_none() {
+            element.read_all();
+            self.n_elements += MOST_ELEMENTS / 16;
+        }
         if let Some(source) = source {
             self.n_elements += source.root.size();
             if self.attached.len() >= MOST_FILES || self.n_elements > MOST_ELEMENTS {
                 self.n_parts = self.n_parts.max(MOST_PARTS);
             }
             let outer = std::mem::replace(&mut self.source, source);
-            self.place(&Place { class: None, ..place.clone() });
+            self.place(&Place { class: None, is_own: false, ..place.clone() });
             self.attached.push(std::mem::replace(&mut self.source, outer));
         }
     }
@@ -341,15 +368,17 @@ impl<'e, 'd> Walk<'e, 'd> {
         let count = item.number("count", self.diagnostics).unwrap_or(0.0).max(0.0) as usize;
         let offset = item.numbers("offset", self.diagnostics).unwrap_or_default();
         let euler = item.numbers::<3>("euler", self.diagnostics).unwrap_or_default();
-        let step = Pose { p: offset, r: self.source.compiler.angles.of_euler(euler) };
         let sep = item.text("sep").unwrap_or_default();
         // each suffix has the digits of the last one
         let width = count.saturating_sub(1).max(1).to_string().len();
-        let mut frame = place.frame;
+        // each step is along the axes of the frame before it, which has so many times the angles
+        let mut at = Pose::NONE;
         for k in 0..count.min(MOST_PARTS) {
-            let suffix = format!("{}{sep}{k:0width$}", place.suffix);
+            let suffix = format!("{sep}{k:0width$}{}", place.suffix);
+            at.r = self.source.compiler.angles.of_euler(euler.map(|angle| angle * k as f64));
+            let frame = place.frame.then(at);
             self.content(&element.children, &Place { frame, suffix, ..place.clone() });
-            frame = frame.then(step);
+            at.p = at.apply(offset);
         }
     }
 
@@ -448,6 +477,10 @@ impl<'e, 'd> Walk<'e, 'd> {
 
     /// `<inertial>`, the explicit one of its body.
     fn inertial(&mut self, element: &'e Element, place: &Place<'e>) {
+        if !place.is_own {
+            // it stays with the body that is not attached
+            return element.read_all();
+        }
         let item = Item::plain(element);
         let pose = self.source.compiler.angles.pose(&item, self.diagnostics);
         let mass = item.number("mass", self.diagnostics);
@@ -478,7 +511,7 @@ impl<'e, 'd> Walk<'e, 'd> {
 
     /// The mass and the inertia of a body, by the rules of the compiler.
     fn inertial_of(&mut self, body: usize) -> Option<Inertial> {
-        let Body { explicit, parts, name, span, .. } = self.tree.bodies.get(body)?;
+        let Body { explicit, parts, name, span, pose, .. } = self.tree.bodies.get(body)?;
         let from_geoms = match self.source.compiler.from_geoms {
             FromGeoms::Never => false,
             FromGeoms::WithoutInertial => explicit.is_none(),
@@ -490,7 +523,8 @@ impl<'e, 'd> Walk<'e, 'd> {
             inertia: part.inertia,
         });
         let Compiler { least_mass, least_inertia, balances, .. } = self.source.compiler;
-        let none = Inertial { origin: Placement::default(), mass: 0.0, inertia: [0.0; 6] };
+        // MuJoCo has it in the body's frame where the body is in that of its parent
+        let none = Inertial { origin: pose.placement(), mass: 0.0, inertia: [0.0; 6] };
         let bounded = (least_mass > 0.0 || least_inertia > 0.0).then_some(none);
         let mut inertial = of_parts.or(*explicit).or(bounded)?;
         inertial.mass = inertial.mass.max(least_mass);

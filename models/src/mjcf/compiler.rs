@@ -142,8 +142,9 @@ pub(crate) fn gravity(item: &Item<'_>, diagnostics: &mut Diagnostics) {
 }
 
 /// Gravity that files do not hold; a value of each effect that is not zero is reported.
-pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> Flags {
-    let mut flags = Flags { equality: true };
+/// Returns whether equalities are enforced.
+pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> bool {
+    let mut enforces = true;
     for option in root.all("option").map(Item::plain) {
         gravity(&option, diagnostics);
         for name in ["wind", "density", "viscosity"] {
@@ -161,7 +162,7 @@ pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> Flags {
                 if ["constraint", "equality"].contains(&name) {
                     let found = format!("`{name}` is disabled: no equality is enforced");
                     diagnostics.note(flag.at(name), found, "remove it to close loops");
-                    flags.equality = false;
+                    enforces = false;
                 } else {
                     let found = format!("`{name}` is disabled for the whole model");
                     diagnostics.dynamics(flag.at(name), found, "enable", "remove it");
@@ -169,11 +170,5 @@ pub(super) fn options(root: &Element, diagnostics: &mut Diagnostics) -> Flags {
             }
         }
     }
-    flags
-}
-
-/// The flags of `<option>`.
-pub(super) struct Flags {
-    /// Equalities are enforced.
-    pub(super) equality: bool,
+    enforces
 }

@@ -54,16 +54,25 @@ impl Element {
         self.children.iter().filter(is_it).inspect(|child| child.is_read.set(true))
     }
 
-    /// Its `name`, which stays unread.
-    pub(crate) fn name(&self) -> &str {
-        let name = self.attributes.iter().find(|of| of.name == "name");
-        name.map_or("", |of| of.value.trim())
+    /// The text of an attribute, which stays unread; empty without it.
+    pub(crate) fn unread(&self, name: &str) -> &str {
+        let found = self.attributes.iter().find(|of| of.name == name);
+        found.map_or("", |of| of.value.trim())
     }
 
-    /// The first element of a tag and a name that it holds.
-    pub(crate) fn find(&self, tag: &str, name: &str) -> Option<&Element> {
-        let is_it = |of: &&Element| of.name == tag && of.name() == name;
-        self.children.iter().find_map(|of| Some(of).filter(is_it).or_else(|| of.find(tag, name)))
+    /// The first element of a tag and a name that it holds, with the class of its children there.
+    pub(crate) fn find<'a>(
+        &'a self,
+        tag: &str,
+        name: &str,
+        class: &'a str,
+    ) -> Option<(&'a Element, &'a str)> {
+        let own = self.unread("childclass");
+        let class = if own.is_empty() { class } else { own };
+        self.children.iter().find_map(|of| {
+            let is_it = of.name == tag && of.unread("name") == name;
+            is_it.then_some((of, class)).or_else(|| of.find(tag, name, class))
+        })
     }
 
     /// The first child of a name, which is then read.
@@ -105,8 +114,10 @@ pub(crate) struct Files {
     folder: PathBuf,
     /// The folders below which files are read, without links.
     roots: Vec<PathBuf>,
-    /// The folder of the model that is read, from that of the first file, and its files.
+    /// The folders of the model that is read and of its part, from that of the first file, and its
+    /// files.
     base: PathBuf,
+    here: PathBuf,
     read: Vec<PathBuf>,
     /// The number of files that others name, their size, and how many of them are open.
     count: usize,
@@ -244,7 +255,10 @@ fn include(
         path.push("model.sdf");
     }
     let known = files.read.len();
+    let here = path.parent().unwrap_or(Path::new("")).to_owned();
+    let outer = mem::replace(&mut files.here, here);
     let root = nested(&path, file, files, diagnostics);
+    files.here = outer;
     if !is_sdf {
         return root.map_or_else(Vec::new, |root| root.children);
     }
@@ -279,16 +293,19 @@ fn nested(
     root
 }
 
-/// Puts the file that a `<model>` names into it.
+/// Puts the file that a `<model>` names into it, and its path from the first file's folder.
 fn model(element: &mut Element, files: &mut Files, diagnostics: &mut Diagnostics) {
-    let Some(file) = element.get("file") else {
+    let Some(file) = element.attributes.iter_mut().find(|of| of.name == "file") else {
         return diagnostics.error(element.span, "`model` has no `file`", "file=\"…\"", "add it");
     };
-    let path = files.base.join(file.value.trim());
+    let path = files.here.join(file.value.trim());
+    file.value = path.display().to_string();
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let outer = (mem::replace(&mut files.base, folder), mem::take(&mut files.read));
+    let outer = [&mut files.base, &mut files.here].map(|of| mem::replace(of, folder.clone()));
+    let read = mem::take(&mut files.read);
     let root = nested(&path, file, files, diagnostics);
-    (files.base, files.read) = outer;
+    [files.base, files.here] = outer;
+    files.read = read;
     if let Some(root) = root.as_ref().filter(|root| root.name != "mujoco") {
         let found = format!("the root element {}", quoted(&root.name));
         diagnostics.error(root.span, found, "mujoco", "convert the file into MJCF");

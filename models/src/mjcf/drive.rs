@@ -41,7 +41,7 @@ pub(super) fn tendons(
 ) {
     let root = source.root;
     for element in root.all("tendon").flat_map(|of| &of.children) {
-        if source.leaves_out(element, diagnostics) {
+        if source.leaves_out(element, |tag, name| tree.has(tag, name), diagnostics) {
             continue;
         }
         let Source { classes, compiler, .. } = &*source;
@@ -120,7 +120,7 @@ pub(super) fn actuators(
     let tags: Vec<&str> = ACTUATORS.split(' ').collect();
     let root = source.root;
     for element in root.all("actuator").flat_map(|of| &of.children) {
-        if source.leaves_out(element, diagnostics) {
+        if source.leaves_out(element, |tag, name| tree.has(tag, name), diagnostics) {
             continue;
         }
         let Source { classes, compiler, .. } = &*source;

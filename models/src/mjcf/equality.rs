@@ -32,7 +32,8 @@ impl<'e> Equalities<'e, '_> {
     pub(super) fn read(mut self) {
         let root = self.source.root;
         for (n, element) in (1..).zip(root.all("equality").flat_map(|of| &of.children)) {
-            if self.source.leaves_out(element, self.diagnostics) {
+            let is_known = |tag: &str, name: &str| self.tree.has(tag, name);
+            if self.source.leaves_out(element, is_known, self.diagnostics) {
                 continue;
             }
             let item = self.source.classes.item(element, &["equality"], None, self.diagnostics);

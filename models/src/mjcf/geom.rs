@@ -35,6 +35,7 @@ pub(super) fn placed(
 pub(super) fn part(
     item: &Item<'_>,
     Source { compiler, meshes, .. }: &Source<'_>,
+    groups: [f64; 2],
     diagnostics: &mut Diagnostics,
 ) -> Option<Part> {
     let group = item.number("group", diagnostics).unwrap_or(0.0);
@@ -45,7 +46,7 @@ pub(super) fn part(
     let mut size = item.list("size", 3, diagnostics).unwrap_or_default();
     let mesh = item.text("mesh");
     let kind = item.text("type").unwrap_or("sphere");
-    if !(compiler.groups[0]..=compiler.groups[1]).contains(&group)
+    if !(groups[0]..=groups[1]).contains(&group)
         || mass.map_or(density == 0.0, |mass| mass == 0.0)
         || ["plane", "hfield"].contains(&kind)
     {

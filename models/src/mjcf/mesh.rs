@@ -20,7 +20,8 @@ pub(super) struct Meshes<'e> {
     items: Vec<Item<'e>>,
     files: &'e Files,
     folder: PathBuf,
-    strips: bool,
+    /// As the first file says.
+    pub(super) strips: bool,
 }
 
 impl<'e> Meshes<'e> {

@@ -55,8 +55,8 @@ pub(crate) fn convert(
     let stem = path.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
     let model = root.text("model").filter(|name| !name.is_empty());
     let robot = model.map(str::to_owned).or(stem).unwrap_or_else(|| "robot".to_owned());
-    let first = Source::new(&root, &files, PathBuf::new(), diagnostics);
-    let flags = compiler::options(&root, diagnostics);
+    let first = Source::new(&root, &files, Path::new(""), diagnostics);
+    let enforces = compiler::options(&root, diagnostics);
     let (mut tree, mut sources) = Walk::new(first, &files, diagnostics).read();
     let pose = keyframe(&root, &tree, diagnostics);
     let mut tendons = Vec::new();
@@ -66,7 +66,7 @@ pub(crate) fn convert(
     let mut cuts = Vec::new();
     for source in &mut sources {
         drive::actuators(source, &mut tree, &mut tendons, diagnostics);
-        if flags.equality {
+        if enforces {
             Equalities {
                 source,
                 tree: &mut tree,

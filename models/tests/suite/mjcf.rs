@@ -413,13 +413,15 @@ fn an_attached_file_is_refused_with_its_place() {
     let other = "<attach model=\"part\" body=\"c\" prefix=\"q_\"/>";
     let twice = "<attach model=\"part\" body=\"b\" prefix=\"\"/>";
     let tied = plain.replace("</mujoco>", "<equality><joint joint1=\"none\"/></equality></mujoco>");
+    let tie = "<equality><joint joint1=\"k\" joint2=\"j\"/></equality></mujoco>";
+    let taken = plain.replace("</mujoco>", tie);
     let asset = |of: &str| attaching(of, both);
     for (part, first, words) in [
         (&*plain, asset("<model name=\"x\"/>"), "`model` has no `file`"),
         (&plain, asset("<model file=\"none.xml\"/>"), "none.xml` cannot be opened"),
         (&plain, asset("<model file=\"/etc/hosts\"/>"), "outside of the first file's folder"),
         (&plain, attaching("", &both.replace("part", "nobody")), "the model `nobody`"),
-        (&plain, attaching("", &both.replace("prefix=\"p_\"", "")), "no `prefix`"),
+        (&plain, attaching("", &both.replace("prefix=\"p_\"", "")), "without `model` or `prefix`"),
         (&plain, attaching("", &both.replace("\"b\"", "\"d\"")), "the body `d`"),
         (&plain, attaching("", twice), "a second body is named `b`"),
         ("<robot name=\"r\"/>", attaching("", both), "the root element `robot`"),
@@ -427,6 +429,8 @@ fn an_attached_file_is_refused_with_its_place() {
         // what a part holds is known, though another `attach` leaves it out
         (&wobble, attaching("", &format!("{both}{other}")), "the attribute `wobble`"),
         (&tied, attaching("", both), "the hinge or slide `none`"),
+        // MuJoCo would take the joint of the outer file
+        (&taken, attaching("", other), "refers to the joint `j`, which is not attached"),
         (&attaching("", both), attaching("", both), "the model has too many files"),
     ] {
         let Err(LoadError::Faults(report)) = read(part, &first) else { panic!("{words}") };

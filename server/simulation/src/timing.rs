@@ -213,17 +213,11 @@ impl Timing<'_> {
         let q = self.planned.get(Field::Q);
         let mut fastest = FASTEST;
         for of in &self.joints {
-            let [lower, upper] = of.position;
-            if q[of.q] < lower || q[of.q] > upper {
+            let limits = of.position;
+            let value = q[of.q];
+            if value < limits[0] || value > limits[1] {
                 let name = of.name.clone();
-                let limits = of.position;
-                return Err(Stop::Limit {
-                    row: place,
-                    what: "position",
-                    name,
-                    value: q[of.q],
-                    limits,
-                });
+                return Err(Stop::Limit { row: place, what: "position", name, value, limits });
             }
             let rate = self.planned.get(Field::Qd)[of.v].abs();
             if rate > 0.0 {

@@ -90,10 +90,11 @@ fn fault_file(
     let files = FaultFiles::new(folder.join("faults"), &format!("case{place}"));
     let mut log = FaultLog::default();
     let mut newest = None;
+    let mut since_ns = None;
     for text in std::fs::read_to_string(input).unwrap().lines() {
         let line = Line::read(text, &configuration).unwrap();
         let (before, _) = bridge.faults();
-        keep(&mut bridge, &mut log, line);
+        keep(&mut bridge, &mut log, since_ns.get_or_insert(line.t), line);
         if let (now, Some((_, reason))) = bridge.faults()
             && now != before
         {

@@ -64,16 +64,6 @@ impl FaultLog {
         None
     }
 
-    /// Whether it is time for a state.
-    pub fn is_due(&self, t: u64) -> bool {
-        let part = self.parts.back();
-        let begin = part.and_then(|part| match &part.state {
-            Some((begin, _)) => Some(*begin),
-            None => part.lines.first().map(|line| line.t),
-        });
-        begin.is_none_or(|begin| t.saturating_sub(begin) >= STATE_NS)
-    }
-
     /// Inputs were lost: the log begins again with the next state. Gives the rooms of the states.
     pub fn lose(&mut self) -> impl Iterator<Item = Vec<u64>> + use<> {
         self.is_broken = true;

@@ -107,13 +107,9 @@ impl Settings {
         let check = SimulationError::check_setting;
         check("the duration", self.duration, self.duration > 0.0, "a positive number of seconds")?;
         let has_effects = self.friction || self.limited || self.stops.is_some();
-        if self.method.is_implicit_form() && has_effects {
-            return Err(SimulationError::Setting {
-                what: "friction, limits or stops in a method for comparison",
-                found: 1.0,
-                expected: "another method",
-            });
-        }
+        let what = "friction, limits or stops in a method for comparison";
+        let fits = !self.method.is_implicit_form() || !has_effects;
+        check(what, 1.0, fits, "another method")?;
         if let Some(stops) = self.stops {
             let is_stiff = stops > 0.0 && stops.is_finite();
             check("the stiffness of stops", stops, is_stiff, "a positive number")?;
@@ -125,12 +121,9 @@ impl Settings {
                 step > 0.0 && self.duration / step < MOST,
                 "a positive number of seconds, a thousand-millionth of the duration or more",
             )?;
-        } else if self.method.is_fixed() {
-            return Err(SimulationError::Setting {
-                what: "the step",
-                found: 0.0,
-                expected: "a step; this method does not find its own",
-            });
+        } else {
+            let expected = "a step; this method does not find its own";
+            check("the step", 0.0, !self.method.is_fixed(), expected)?;
         }
         if let Some(rate) = self.stabilisation {
             check("the rate of stabilisation", rate, rate >= 0.0, "a number that is not negative")?;

@@ -22,13 +22,9 @@ pub(super) fn run(
 ) -> Outcome<Run> {
     let model = &setup.compiled.model;
     let (springs, inputs) = setup.checked()?;
-    if !elastic::rotors(model, setup.description).1.is_empty() {
-        return Err(SimulationError::Setting {
-            what: "springs between motors and joints in a method for comparison",
-            found: 1.0,
-            expected: "another method",
-        });
-    }
+    let what = "springs between motors and joints in a method for comparison";
+    let fits = elastic::rotors(model, setup.description).1.is_empty();
+    SimulationError::check_setting(what, 1.0, fits, "another method")?;
     let mut form = Form::new(model, setup.description, springs, inputs, settings.rate())?;
     let (mut x, correction) = closed(model, &form.mechanism, start)?;
     let mut meter = Meter::new(model, setup.description)?;

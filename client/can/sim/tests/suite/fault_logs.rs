@@ -27,6 +27,7 @@ struct Made {
 fn made(text: &str, lines: &[Line]) -> Made {
     let mut bridge = World::read_beside(text.to_owned(), DBC_FILE).bridge;
     let mut log = FaultLog::default();
+    let mut since_ns = lines[0].t;
     let configuration = bridge.configuration().without_motors();
     let mut made = Made { frames: Vec::new(), faults: Vec::new() };
     for line in lines {
@@ -35,7 +36,7 @@ fn made(text: &str, lines: &[Line]) -> Made {
         let t = line.t;
         let is_cycle = line.what == What::Cycle;
         let (before, _) = bridge.faults();
-        keep(&mut bridge, &mut log, line);
+        keep(&mut bridge, &mut log, &mut since_ns, line);
         if is_cycle {
             made.frames.extend(sent(&bridge, t).map(|frame| (t, frame)));
         }

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use sarrus_can_core::bridge::{Bridge, BusEvent, CommandVerdict};
 use sarrus_can_core::config::{Configuration, Limits, Surroundings};
 use sarrus_can_core::drive::{Mode, Setpoint};
-use sarrus_can_core::fault_log::FaultLog;
+use sarrus_can_core::fault_log::{FaultLog, STATE_NS};
 use sarrus_can_core::frame::{Frame, FrameQueue, Id};
 use sarrus_can_core::log::{self, Line, What};
 use sarrus_can_core::mapping::Mapping;
@@ -180,13 +180,15 @@ fn posing(frame: Frame, poses_as: Option<(Id, u8)>) -> Frame {
     Frame::classic(id, &data).unwrap_or(frame)
 }
 
-/// Gives a line to a bridge and to the log of its faults, with the bridge's state once a second.
-pub(crate) fn keep(bridge: &mut Bridge, log: &mut FaultLog, line: Line) {
+/// Gives a line to a bridge and to the log of its faults, with the bridge's state once a second
+/// from `since_ns` on.
+pub(crate) fn keep(bridge: &mut Bridge, log: &mut FaultLog, since_ns: &mut u64, line: Line) {
     let t = line.t;
     let is_cycle = line.what == What::Cycle;
     assert!(line.apply(bridge), "a state of another bridge");
     log.push(line);
-    if is_cycle && log.is_due(t) {
+    if is_cycle && t.saturating_sub(*since_ns) >= STATE_NS {
+        *since_ns = t;
         let mut room = bridge.room();
         assert!(bridge.save(&mut room));
         drop(log.state(t, room));
