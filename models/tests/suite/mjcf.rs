@@ -413,7 +413,8 @@ fn an_attached_file_is_refused_with_its_place() {
     let other = "<attach model=\"part\" body=\"c\" prefix=\"q_\"/>";
     let twice = "<attach model=\"part\" body=\"b\" prefix=\"\"/>";
     let tied = plain.replace("</mujoco>", "<equality><joint joint1=\"none\"/></equality></mujoco>");
-    let tie = "<equality><joint joint1=\"k\" joint2=\"j\"/></equality></mujoco>";
+    let tie = "<tendon><fixed><joint joint=\"k\" coef=\"1\"/><joint joint=\"j\" coef=\"1\"/></fixed>\
+        </tendon></mujoco>";
     let taken = plain.replace("</mujoco>", tie);
     let asset = |of: &str| attaching(of, both);
     for (part, first, words) in [
