@@ -279,10 +279,11 @@ impl Pile {
     }
 
     fn push(&mut self, span: Span, diagnostic: Diagnostic) {
+        let new = (span, diagnostic);
         if self.is_full() {
             self.dropped += 1;
-        } else if !self.diagnostics.contains(&(span, diagnostic.clone())) {
-            self.diagnostics.push((span, diagnostic));
+        } else if !self.diagnostics.contains(&new) {
+            self.diagnostics.push(new);
         }
     }
 

@@ -347,19 +347,18 @@ impl<'e, 'd> Walk<'e, 'd> {
     fn attach(&mut self, element: &'e Element, place: &Place<'e>) {
         let item = Item::plain(element);
         let source = self.source.attached(&item, &place.suffix, self.files, self.diagnostics);
-        if source.is_none() {
+        let Some(source) = source else {
             element.read_all();
             self.n_elements += MOST_ELEMENTS / 16;
+            return;
+        };
+        self.n_elements += source.root.size();
+        if self.attached.len() >= MOST_FILES || self.n_elements > MOST_ELEMENTS {
+            self.n_parts = self.n_parts.max(MOST_PARTS);
         }
-        if let Some(source) = source {
-            self.n_elements += source.root.size();
-            if self.attached.len() >= MOST_FILES || self.n_elements > MOST_ELEMENTS {
-                self.n_parts = self.n_parts.max(MOST_PARTS);
-            }
-            let outer = std::mem::replace(&mut self.source, source);
-            self.place(&Place { class: None, is_own: false, ..place.clone() });
-            self.attached.push(std::mem::replace(&mut self.source, outer));
-        }
+        let outer = std::mem::replace(&mut self.source, source);
+        self.place(&Place { class: None, is_own: false, ..place.clone() });
+        self.attached.push(std::mem::replace(&mut self.source, outer));
     }
 
     /// The elements of a `<replicate>`, each time one step further.

@@ -427,7 +427,7 @@ fn an_attached_file_is_refused_with_its_place() {
         (&plain, attaching("", twice), "a second body is named `b`"),
         ("<robot name=\"r\"/>", attaching("", both), "the root element `robot`"),
         ("<mujoco><model/>", attaching("", both), "this is not XML"),
-        // what a part holds is known, though another `attach` leaves it out
+        // an unknown attribute of a part is an error, though another `attach` leaves that out
         (&wobble, attaching("", &format!("{both}{other}")), "the attribute `wobble`"),
         (&tied, attaching("", both), "the hinge or slide `none`"),
         // MuJoCo would take the joint of the outer file

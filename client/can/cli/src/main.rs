@@ -116,7 +116,7 @@ fn failed(command: &str, error: impl Display) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// A line on stdout, at once; an error where nobody reads it any more.
+/// Writes a line to stdout and flushes it; an error where stdout is closed.
 fn tell(line: impl Display) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush())

@@ -133,7 +133,7 @@ fn prepare(arguments: &Simulate, configuration: &Configuration) -> Result<Simula
                 let bus = Reconnecting::open(&config.name, Address::of(config))?;
                 (Box::new(bus), config.channel.clone())
             };
-        // nobody may be listening, now or later
+        // a closed stdout changes nothing
         let _ = crate::tell(format_args!("ready {} {channel}", config.name));
         let seed = arguments.seed.wrapping_add(place as u64);
         lines.push(Line::new(config.name.clone(), place, bus, seed));
