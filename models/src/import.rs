@@ -151,12 +151,21 @@ fn converted(
         folder: None,
     };
     // a fault of the converted files is reported when they are read
-    let suggested = |contents: &mut Contents| {
-        let found = suggest_for(contents.clone(), options, !is_driven).ok()?;
-        contents.submechanisms = Some((format!("{name}.yml"), found.yaml.into_bytes()));
+    let yaml = |text: String| Some((format!("{name}.yml"), text.into_bytes()));
+    let suggested = |contents: &mut Contents, diagnostics: &mut Diagnostics| {
+        let mut found = suggest_for(contents.clone(), options, !is_driven).ok()?;
+        if let Some([names, urdf, submechanisms]) = found.split.take() {
+            let text = format!("a loop holds a free joint in part: {names}");
+            let help = "it becomes three slides, named with /x, /y and /z, and a ball";
+            diagnostics.note(Span::start(0), text, help);
+            contents.urdf.1 = urdf.into_bytes();
+            contents.submechanisms = yaml(submechanisms);
+            found = suggest_for(contents.clone(), options, !is_driven).ok()?;
+        }
+        contents.submechanisms = yaml(found.yaml);
         Some(found.report.errors.is_empty())
     };
-    let is_good = suggested(&mut contents) == Some(true);
+    let is_good = suggested(&mut contents, diagnostics) == Some(true);
     let at_zero = closed(&contents, options, None);
     let residual = at_zero.as_ref().map(|found| found.residual_before);
     // loops that are open in the file's pose
@@ -172,7 +181,7 @@ fn converted(
         if let (Some(to), Some(from)) = (&mut contents.submechanisms, written.submechanisms) {
             to.1 = from;
         }
-        suggested(&mut contents);
+        suggested(&mut contents, diagnostics);
     }
     let keyframe =
         pose.and_then(|(key, pose)| Some((key, closed(&contents, options, Some(&pose))?)));

@@ -2,6 +2,7 @@
 //! all at once.
 
 use core::fmt;
+use std::collections::BTreeSet;
 
 use serde::Serialize;
 
@@ -128,6 +129,8 @@ pub struct Diagnostics {
     errors: Pile,
     warnings: Pile,
     notes: Pile,
+    /// Kinds and names of parts.
+    names: BTreeSet<String>,
     /// Faults of the dynamics that still leave a model count as warnings.
     pub(crate) lenient: bool,
 }
@@ -208,6 +211,13 @@ impl Diagnostics {
     pub(crate) fn second(&mut self, span: Span, kind: &str, name: &str) {
         let found = format!("a second {kind} is named {}", quoted(name));
         self.error(span, found, "a name of its own", "rename one of them");
+    }
+
+    /// Notes the name of a part, and reports a second one.
+    pub(crate) fn named(&mut self, span: Span, kind: &str, name: &str) {
+        if !name.is_empty() && !self.names.insert(format!("{kind} {name}")) {
+            self.second(span, kind, name);
+        }
     }
 
     /// True after a fault.

@@ -129,16 +129,19 @@ impl Tree {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
+    /// A body and those that carry it.
+    fn chain(&self, mut body: usize) -> Vec<usize> {
+        let mut chain = vec![body];
+        while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
+            body = of.parent;
+            chain.push(body);
+        }
+        chain
+    }
+
     /// The moving joints between two bodies.
     pub(crate) fn between(&self, bodies: [usize; 2]) -> Vec<usize> {
-        let chains = bodies.map(|mut body| {
-            let mut chain = vec![body];
-            while let Some(of) = self.bodies.get(body).filter(|_| body != 0) {
-                body = of.parent;
-                chain.push(body);
-            }
-            chain
-        });
+        let chains = bodies.map(|body| self.chain(body));
         let only = |k: usize| {
             let other = &chains[1 - k];
             chains[k].iter().filter(|body| !other.contains(body))
@@ -148,9 +151,13 @@ impl Tree {
         path.flat_map(|of| &of.joints).copied().filter(moves).collect()
     }
 
-    /// A body on the world without mass.
-    pub(crate) fn add_body(&mut self, name: String, span: Span) -> usize {
-        self.bodies.push(Body::new(name, span, 0, Pose::NONE));
+    /// Adds a body without mass, on the nearest one that carries all of these joints.
+    pub(crate) fn add_body(&mut self, name: String, span: Span, on: &[(String, f64)]) -> usize {
+        let joints = on.iter().filter_map(|(name, _)| self.joints.get(self.joint(name)?));
+        let chains: Vec<_> = joints.map(|joint| self.chain(joint.body)).collect();
+        let carries = |body: &&usize| chains.iter().all(|chain| chain[1..].contains(*body));
+        let parent = chains.first().and_then(|chain| chain.iter().find(carries));
+        self.bodies.push(Body::new(name, span, parent.copied().unwrap_or(0), Pose::NONE));
         self.bodies.len() - 1
     }
 
@@ -257,7 +264,12 @@ impl<'e, 'd> Walk<'e, 'd> {
                 }
                 return;
             }
-            match child.name.as_str() {
+            let tag = child.name.as_str();
+            if matches!(tag, "site" | "geom" | "camera" | "light") {
+                let name = self.source.name(child.unread("name"), &place.suffix);
+                self.diagnostics.named(child.span, tag, &name);
+            }
+            match tag {
                 "body" => self.body(child, place),
                 "frame" => {
                     let item = Item::plain(child);

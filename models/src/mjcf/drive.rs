@@ -47,6 +47,7 @@ pub(super) fn tendons(
         let Source { classes, compiler, .. } = &*source;
         let item = classes.item(element, &["tendon"], None, diagnostics);
         let name = source.refers(&item, "name").unwrap_or_default();
+        diagnostics.named(item.span(), "tendon", &name);
         let linear = ["stiffness", "damping"].map(|of| item.linear(of, diagnostics));
         let armature = item.number("armature", diagnostics).unwrap_or(0.0);
         if item.tag() != "fixed" {
@@ -126,6 +127,7 @@ pub(super) fn actuators(
         let Source { classes, compiler, .. } = &*source;
         let item = classes.item(element, &tags, None, diagnostics);
         let name = item.text("name").unwrap_or_default();
+        diagnostics.named(item.span(), "actuator", &source.name(name, &source.suffix));
         let gear = item.list("gear", 6, diagnostics).unwrap_or_default();
         let gear = gear.first().copied().unwrap_or(1.0);
         let limit = limit(&item, compiler, diagnostics);
@@ -194,7 +196,7 @@ pub(super) fn into_joints(tendons: Vec<Tendon>, tree: &mut Tree, diagnostics: &m
         let found = format!("the tendon {} becomes a joint without mass", quoted(&joint));
         let help = "it follows the joints of the tendon";
         diagnostics.note(span, found, help);
-        let body = tree.add_body(format!("{joint}/tendon"), span);
+        let body = tree.add_body(format!("{joint}/tendon"), span, &terms);
         tree.add_joint(Joint {
             body,
             range,

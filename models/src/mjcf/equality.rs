@@ -39,6 +39,7 @@ impl<'e> Equalities<'e, '_> {
             let item = self.source.classes.item(element, &["equality"], None, self.diagnostics);
             let name = item.text("name").map_or(format!("{}_{n}", item.tag()), Into::into);
             let name = self.source.name(&name, &self.source.suffix);
+            self.diagnostics.named(item.span(), "equality", &name);
             if item.flag("active", self.diagnostics) == Some(false) {
                 element.read_all();
                 let found = format!("the equality {} is not active: left out", quoted(&name));

@@ -20,7 +20,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use body::{Kind, Tree, Walk};
+use body::{Body, Joint, Kind, Tree, Walk};
 use document::{Element, Files};
 use equality::{Cut, Equalities};
 use item::Item;
@@ -148,24 +148,30 @@ fn keyframe(
 ) -> Option<(String, Vec<(String, f64)>)> {
     let mut keys = root.all("keyframe").flat_map(|of| of.all("key")).map(Item::plain);
     let key = keys.find(|key| key.has("qpos"))?;
-    let values = key.list("qpos", 1 << 16, diagnostics)?;
-    let count = |kind: Kind| match kind {
-        Kind::Hinge | Kind::Slide => 1,
-        Kind::Ball => 4,
-        Kind::Free => 7,
+    let mut values = key.list("qpos", 1 << 16, diagnostics)?;
+    // those of the file's pose, which stand for the numbers that it lacks
+    let of_pose = |joint: &Joint| match (joint.kind, tree.bodies.get(joint.body)) {
+        (Kind::Ball, _) => vec![1.0, 0.0, 0.0, 0.0],
+        (Kind::Free, Some(Body { pose: Pose { p: [x, y, z], r: [a, b, c, w] }, .. })) => {
+            vec![*x, *y, *z, *w, *a, *b, *c]
+        }
+        _ => vec![joint.reference],
     };
-    let needed: usize = tree.joints.iter().map(|joint| count(joint.kind)).sum();
-    if values.len() != needed {
+    let of_pose: Vec<Vec<f64>> = tree.joints.iter().map(of_pose).collect();
+    let needed = of_pose.iter().map(Vec::len).sum();
+    if values.len() > needed {
         let found = format!("`qpos` of `key` holds {} numbers", values.len());
-        let expected = needed.to_string();
+        let expected = format!("at most {needed}");
         return diagnostics.refused(key.at("qpos"), found, expected, "correct the value");
     }
+    let given = values.len();
+    values.extend(of_pose.iter().flatten().skip(given));
     let name = key.text("name").unwrap_or("1").to_owned();
     let mut pose = Vec::new();
     let mut at = 0;
     // bodies are in the order of their depth first, as MuJoCo's
-    for joint in &tree.joints {
-        let own = values.get(at..at + count(joint.kind))?;
+    for (joint, of_pose) in tree.joints.iter().zip(of_pose) {
+        let own = values.get(at..at + of_pose.len())?;
         at += own.len();
         let mut add =
             |suffix: &str, value: f64| pose.push((format!("{}{suffix}", joint.name), value));

@@ -97,6 +97,10 @@ impl<'e> Source<'e> {
             let found = format!("`{}` of the model {} is not read", of.name, quoted(name));
             diagnostics.note(of.span, found, "that of the first file counts");
         }
+        if item.has("body") && item.has("frame") {
+            let found = "`attach` with `body` and `frame`";
+            return diagnostics.refused(item.span(), found, "one of them", "remove the other");
+        }
         for tag in ["body", "frame"] {
             let Some(written) = item.text(tag) else { continue };
             source.part = root.all("worldbody").find_map(|of| of.find(tag, written, ""));
@@ -135,7 +139,7 @@ impl<'e> Source<'e> {
             let is_attach = child.name == "attach";
             let name = child.unread(if is_attach { "prefix" } else { "name" });
             if !name.is_empty() {
-                self.outside.insert((&child.name, name));
+                self.outside.insert((child.name.trim_start_matches("free"), name));
                 self.beginnings.extend(Some(name).filter(|_| is_attach || is_repeated));
             }
             self.leave_out(child, is_repeated || child.name == "replicate");
@@ -153,6 +157,7 @@ impl<'e> Source<'e> {
         let attributes = [of].into_iter().chain(&of.children).flat_map(|of| &of.attributes);
         let references = attributes.map(|of| {
             let tag = of.name.trim_end_matches(['1', '2']).trim_end_matches("inparent");
+            let tag = if tag.ends_with("site") { "site" } else { tag };
             (tag, of.value.trim())
         });
         let lost: Vec<_> = references.filter(|of| self.is_outside(*of, &is_known)).collect();

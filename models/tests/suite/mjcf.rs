@@ -218,6 +218,16 @@ fn attached_files_agree_with_mujoco() {
 }
 
 #[test]
+fn a_coupling_between_a_floating_body_and_the_world_agrees_with_mujoco() {
+    agrees("geared");
+}
+
+#[test]
+fn free_bodies_that_loops_hold_agree_with_mujoco() {
+    agrees("held");
+}
+
+#[test]
 fn tendons_that_follow_each_other_along_polynomials_agree_with_mujoco() {
     agrees("tendons");
 }
@@ -287,6 +297,8 @@ fn a_part_that_changes_numbers_and_has_no_expression_is_an_error_or_a_warning() 
 #[test]
 fn a_faulty_model_is_refused_with_its_place() {
     let twice = "<geom size=\"0.1\"/><body name=\"b\"/>";
+    let twice_in = |section: &str, of: &str| format!("<{section}>{of}{of}</{section}>");
+    let motor = "<motor name=\"n\" joint=\"j\"/>";
     let to = |name: &str| format!("<equality><connect body1=\"b\" body2=\"{name}\"/></equality>");
     for (text, words) in [
         (
@@ -313,6 +325,14 @@ fn a_faulty_model_is_refused_with_its_place() {
         (
             model("", BALL, "<keyframe><key qpos=\"0 0\"/></keyframe>"),
             "`qpos` of `key` holds 2 numbers",
+        ),
+        (model("", "<site name=\"s\"/><site name=\"s\"/>", ""), "a second site is named `s`"),
+        (model("", &BALL.replace("<geom", "<geom name=\"g\"").repeat(2), ""), "a second geom is"),
+        (model("", BALL, &twice_in("tendon", "<fixed name=\"n\"/>")), "a second tendon is"),
+        (model("", BALL, &twice_in("actuator", motor)), "a second actuator is named `n`"),
+        (
+            model("", BALL, &twice_in("equality", "<joint name=\"n\" joint1=\"j\"/>")),
+            "a second equality is named `n`",
         ),
         (model("<include file=\"x.xml\"/>", BALL, ""), "cannot be opened"),
         (
@@ -467,6 +487,18 @@ fn loops_that_are_open_in_the_files_pose_are_closed_and_a_keyframe_is_projected(
     let (name, closed) = imported.keyframe.unwrap();
     assert_eq!((name.as_str(), closed.error), ("home", None));
     assert!(closed.residual < 1e-9 && closed.residual_before > 1e-3, "{}", closed.residual);
+}
+
+/// MuJoCo 4.0.0 takes zeros for the numbers that a `qpos` lacks.
+#[test]
+fn a_short_qpos_begins_a_pose() {
+    let text = fs::read_to_string(folder().join("tied.xml")).unwrap();
+    let key = "<keyframe><key name=\"first\" qpos=\"0.1\"/></keyframe></mujoco>";
+    let imported = imported(&text.replace("</mujoco>", key), false).unwrap();
+    assert!(imported.report.errors.is_empty(), "{}", imported.report);
+    let (name, closed) = imported.keyframe.unwrap();
+    assert_eq!((name.as_str(), closed.error), ("first", None));
+    assert_eq!(closed.q.iter().filter(|of| of.given != 0.0).count(), 1);
 }
 
 #[test]

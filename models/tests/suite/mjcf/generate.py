@@ -2,7 +2,8 @@
 
 Each state is closed by Newton's method on MuJoCo's own residuals. Coordinates are those of sarrus:
 zero in the file's pose, quaternions x y z w, the velocity of a free joint in the body. Rows of K
-are in the axes of body1; forces contain springs, dampers and gravity.
+are in the axes of body1; forces contain springs, dampers and gravity. A free joint that a loop holds
+in part is three slides, along the axes of its body in the file's pose, and a ball.
 """
 
 import json
@@ -43,7 +44,15 @@ MODELS = {
         [],
         {f"{leg}/sum": {f"{leg}/front": 1.0, f"{leg}/back": 0.5} for leg in "lr"},
     ),
+    "geared": ("craft reel", [], {}),
+    "held": (
+        "root hip knee swing lift",
+        [],
+        {"sinew": {"lift": 1.5}, "across": {"knee": 0.5, "swing": -1.0}},
+    ),
 }
+# free joints that a loop holds in part
+HELD = ["root"]
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 AMPLITUDES = [0.0, 0.05, 0.12]
 
@@ -54,6 +63,7 @@ class Model:
         self.d = mujoco.MjData(self.m)
         self.independent, self.idle, self.tendons = MODELS[name]
         self.independent = self.independent.split()
+        self.held = HELD if name == "held" else []
         self.names = []
         for j in range(self.m.njnt):
             own = self.m.joint(j).name
@@ -139,7 +149,8 @@ class Model:
                 continue
             j = m.joint(name).id
             n = {FREE: 6, BALL: 3}.get(int(m.jnt_type[j]), 1)
-            columns += [[(m.jnt_dofadr[j] + k, 1.0)] for k in range(n)]
+            first = 3 if name in self.held else 0
+            columns += [[(m.jnt_dofadr[j] + k, 1.0)] for k in range(first, n)]
         columns += [[(self.names.index(name), 1.0)] for name in self.idle]
         A = np.zeros((len(columns), m.nv))
         for k, column in enumerate(columns):
@@ -207,13 +218,15 @@ def coordinates(model):
             p = turned(conjugate(r0), d.qpos[at : at + 3] - p0)
             w, x, y, z = times(conjugate(r0), r)
             q += zip([f"{own}/{part}" for part in "x y z qx qy qz qw".split()], [*p, x, y, z, w])
+            is_held = own in model.held
             R = np.zeros(9)
-            mujoco.mju_quat2Mat(R, r)
+            mujoco.mju_quat2Mat(R, r0 if is_held else r)
             block = np.zeros((6, m.nv))
             block[0:3, dof + 3 : dof + 6] = np.eye(3)
             block[3:6, dof : dof + 3] = R.reshape(3, 3).T
             S += list(block)
-            names += [f"{own}/{part}" for part in "rx ry rz tx ty tz".split()]
+            parts = "rx ry rz x y z" if is_held else "rx ry rz tx ty tz"
+            names += [f"{own}/{part}" for part in parts.split()]
         elif m.jnt_type[j] == BALL:
             w, x, y, z = unit(d.qpos[at : at + 4])
             q += zip([f"{own}/{part}" for part in "qx qy qz qw".split()], [x, y, z, w])
@@ -241,9 +254,11 @@ def state(name, k, rng):
     inverse = np.linalg.inv(S)
     B = A @ inverse
     free = [
-        j for j in range(m.njnt) if m.jnt_type[j] == FREE and m.joint(j).name in model.independent
+        j
+        for j in range(m.njnt)
+        if m.jnt_type[j] == FREE and m.joint(j).name not in model.held
     ]
-    for j in free:
+    for j in (j for j in free if m.joint(j).name in model.independent):
         dof = m.jnt_dofadr[j]
         row = next(i for i in range(len(A)) if A[i, dof] == 1.0)
         B[row : row + 6] = np.eye(m.nv)[names.index(m.joint(j).name + "/rx") :][:6]
@@ -256,10 +271,9 @@ def state(name, k, rng):
     _, _, bias = model.rows()
     # the velocity of a free joint in the body: v_body = Rᵀ v, so that d(S)/dt v is −ω × v
     Sd = np.zeros(m.nv)
-    for j in range(m.njnt):
-        if m.jnt_type[j] == FREE:
-            r = names.index(m.joint(j).name + "/rx")
-            Sd[r + 3 : r + 6] = -np.cross(qd[r : r + 3], qd[r + 3 : r + 6])
+    for j in free:
+        r = names.index(m.joint(j).name + "/rx")
+        Sd[r + 3 : r + 6] = -np.cross(qd[r : r + 3], qd[r + 3 : r + 6])
     # K (S v): K̇q̇ in these coordinates has the part of Sd
     k_bias = -(bias - K @ Sd)
     qdd = np.linalg.lstsq(full, np.concatenate([ydd, k_bias]), rcond=1e-12)[0]

@@ -39,7 +39,7 @@ impl Candidate<'_> {
         warnings: &mut Vec<Diagnostic>,
     ) -> Option<Closure<Dd>> {
         let mut rows = self.cluster.cuts.iter().flat_map(|cut| &cut.rows);
-        if rows.all(CutRow::is_linear) {
+        if rows.all(CutRow::is_linear) && self.cluster.n_q == self.cluster.n {
             errors.push(self.contradicting_couplings());
             return None;
         }

@@ -10,7 +10,7 @@
 use nalgebra::Vector3;
 
 use crate::closure::column_unit;
-use crate::mechanism::{Body, Cluster, Motion};
+use crate::mechanism::{Body, Cluster, Cut, Motion};
 use crate::spatial::Pose;
 
 /// Largest motion at rest, and distance of lines that meet, in lengths of the cluster.
@@ -35,14 +35,18 @@ impl Drift<'_> {
     pub(super) fn is_idle(&self, has_child_cluster: &[bool]) -> bool {
         let cluster = self.cluster;
         let still = |v: usize| self.rate[v].abs() < STILL * column_unit(cluster, v);
-        let coupled = cluster.cuts.iter().filter(|cut| cut.is_coupling()).flat_map(|cut| &cut.path);
-        if !cluster.active.iter().all(|(_, v)| still(*v))
-            || !coupled.into_iter().all(|(v, _)| still(*v))
-        {
+        let (coupled, loops): (Vec<_>, Vec<_>) =
+            cluster.cuts.iter().partition(|cut| cut.is_coupling());
+        let is_in = |cuts: &[&Cut<f64>], v: usize| {
+            cuts.iter().flat_map(|cut| &cut.path).any(|(w, _)| *w == v)
+        };
+        let rests = |v: usize| is_in(&coupled, v) || !is_in(&loops, v);
+        let active = cluster.active.iter().map(|(_, v)| *v);
+        if !active.chain((0..cluster.n_v).filter(|v| rests(*v))).all(still) {
             return false;
         }
         let moving: Vec<usize> = (0..cluster.n).filter(|b| self.moves(*b)).collect();
-        if moving.iter().any(|b| has_child_cluster[*b]) {
+        if moving.iter().any(|b| has_child_cluster[*b] || floats(cluster, self.bodies, *b)) {
             return false;
         }
         let passed = self.passed_cuts();
@@ -223,6 +227,13 @@ impl Drift<'_> {
         }
         sum
     }
+}
+
+/// True of a body on three slides without mass: it is no rod, but free.
+pub(super) fn floats(cluster: &Cluster<f64>, bodies: &[Body<f64>], b: usize) -> bool {
+    let slides = |b: &usize| bodies[*b].motion == Motion::Prismatic && bodies[*b].mass == 0.0;
+    let parent = |b: &usize| cluster.local_parent[*b].checked_sub(1);
+    core::iter::successors(parent(&b), parent).take_while(slides).count() == 3
 }
 
 /// Where two lines, each a point and a direction of unit length, meet.

@@ -5,10 +5,10 @@ use sarrus_factorisations::Mat;
 
 use crate::closure::column_unit;
 use crate::compile::analysis::{Sample, Subject, closed_near, generic_of, idle_motions, joined};
+use crate::compile::idle::floats;
 use crate::compile::rank::{RANK_GAP, independent_rows, null_space, rank};
 use crate::compile::redundant::fitting_cuts;
 use crate::diagnostic::Diagnostic;
-use crate::mechanism::Cluster;
 use crate::scalar::noise;
 
 /// Sampled poses off the zero pose, and their distance from it in radians or cluster lengths.
@@ -32,7 +32,7 @@ pub(super) fn fault(subject: &Subject<'_>, generic: &Sample, rank_of_K: usize) -
         return dead_point(subject, &moving);
     }
     let good = || {
-        let good = good_independents(subject, generic, mobility, &preferred(cluster).concat());
+        let good = good_independents(subject, generic, mobility, &preferred(subject).concat());
         whole_joints(subject, &good).join(", ")
     };
     let mut found = format!(
@@ -154,13 +154,15 @@ pub(super) fn off_zero(subject: &Subject<'_>, k: usize) -> Option<Sample> {
         .then(|| Sample::at(cluster, subject.bodies, &q))
 }
 
-/// Usual independents: declared ones, actuated ones, those on the base.
-pub(super) fn preferred(cluster: &Cluster<f64>) -> [Vec<usize>; 3] {
+/// Usual independents: declared ones, actuated ones, those on the base and of free bodies.
+pub(super) fn preferred(subject: &Subject<'_>) -> [Vec<usize>; 3] {
+    let &Subject { cluster, bodies, .. } = subject;
+    let floats = |v: &usize| floats(cluster, bodies, cluster.dofs[*v].body);
     let on_base = |v: &usize| cluster.local_parent[cluster.dofs[*v].body] == 0;
     [
         cluster.independent.clone(),
         cluster.active.iter().map(|(_, v)| *v).collect(),
-        (0..cluster.n_v).filter(on_base).collect(),
+        (0..cluster.n_v).filter(floats).chain((0..cluster.n_v).filter(on_base)).collect(),
     ]
 }
 

@@ -20,6 +20,8 @@ pub struct SuggestedIndependents {
     pub independent: Vec<Vec<usize>>,
     /// Dependents that spin idly: no independent determines them.
     pub idle: Vec<usize>,
+    /// Joints of several degrees of freedom of which some are independent and some are not.
+    pub split: Vec<usize>,
 }
 
 /// Finds independents at generic closed poses, in this order of preference: declared independents,
@@ -37,12 +39,14 @@ pub fn suggest_independents(
     let model = assembly.model.map(Dd::to_f64);
     // a joint of several degrees of freedom has a name for each
     let joint_of = |name: &str| {
-        let is_it =
-            |joint: &str| name == joint || name.rsplit_once('/').is_some_and(|(of, _)| of == joint);
-        description.joints.iter().position(|joint| is_it(&joint.name))
+        let is_part = |joint: &str| name.rsplit_once('/').is_some_and(|(of, _)| of == joint);
+        let find = |is_it: &dyn Fn(&str) -> bool| {
+            description.joints.iter().position(|joint| is_it(&joint.name))
+        };
+        find(&|joint| joint == name).or_else(|| find(&is_part))
     };
     let mut dependent = vec![false; description.joints.len()];
-    let mut idle = Vec::new();
+    let [mut idle, mut split] = [const { Vec::new() }; 2];
     for &c in &model.closed_clusters {
         let labels = assembly.labels(c);
         let subject = Subject::new(&model, c, &labels);
@@ -53,6 +57,9 @@ pub fn suggest_independents(
                 idle.push(joint);
             }
             dependent[joint] |= !chosen.contains(&v);
+            let body = |v: usize| subject.cluster.dofs[v].body;
+            let is_split = |w: &usize| body(*w) == body(v) && !chosen.contains(&v);
+            split.extend(chosen.iter().any(is_split).then_some(joint));
         }
     }
     let independent = description
@@ -61,7 +68,8 @@ pub fn suggest_independents(
         .map(|s| s.spanning_tree.iter().copied().filter(|joint| !dependent[*joint]).collect())
         .collect();
     idle.dedup();
-    Ok(SuggestedIndependents { independent, idle })
+    split.dedup();
+    Ok(SuggestedIndependents { independent, idle, split })
 }
 
 /// Idle velocities of a cluster, and its independent velocities.
@@ -73,7 +81,7 @@ fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
     }
     let (rank, generic) = generic_of(cluster, &samples)?;
     // a declared independent may be one freedom of a ball: then no declared one counts
-    let [declared, active, on_base] = preferred(cluster);
+    let [declared, active, on_base] = preferred(subject);
     let others = [active, on_base].concat();
     let body = |v: usize| cluster.dofs[v].body;
     let is_single = |v: &usize| (0..cluster.n_v).all(|w| w == *v || body(w) != body(*v));
