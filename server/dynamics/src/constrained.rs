@@ -103,11 +103,7 @@ impl<T: Real> ImplicitForm<T> {
             _ => Ok(()),
         });
         let ended = taken.and_then(|()| self.solve(model, tau_q, wrenches, stabilisation));
-        let status = match ended {
-            Ok(()) => Status::Ok,
-            Err(status) => status,
-        };
-        if status != Status::Ok {
+        if let Err(status) = ended {
             qdd.fill(T::from_f64(f64::NAN));
             self.lambda.fill(T::from_f64(f64::NAN));
             return status;
@@ -115,7 +111,7 @@ impl<T: Real> ImplicitForm<T> {
         for (qdd, v) in qdd.iter_mut().zip(&model.order.v) {
             *qdd = self.ws.qdd[*v];
         }
-        status
+        Status::Ok
     }
 
     /// λ of the last [`ImplicitForm::accelerations`], in the order of [`Model::loop_names`] (n_c).
@@ -174,10 +170,7 @@ impl<T: Real> ImplicitForm<T> {
         qd.iter_mut()
             .zip(&model.order.v)
             .for_each(|(x, i)| *x = if fine { self.ws.qd[*i] } else { nan });
-        match ended {
-            Ok(()) => Status::Ok,
-            Err(status) => status,
-        }
+        ended.err().unwrap_or(Status::Ok)
     }
 
     /// q and q̇ in the order of the bodies, quaternions of unit length.

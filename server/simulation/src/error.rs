@@ -5,6 +5,11 @@ use sarrus_dynamics::{QueryError, Status};
 /// Result of a step of a simulation; the error names the input at fault.
 pub(crate) type Outcome<T = ()> = Result<T, SimulationError>;
 
+/// An error of every status but that of an answer.
+pub(crate) fn answered(status: Status) -> Result<(), Status> {
+    if status == Status::Ok { Ok(()) } else { Err(status) }
+}
+
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]

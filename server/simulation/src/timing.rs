@@ -9,7 +9,7 @@
 //! and ẏ. Inverse dynamics looks at it, and the passes are repeated with narrower limits where it
 //! finds more than [`ALLOWED`].
 
-use crate::error::Outcome;
+use crate::error::{Outcome, answered};
 use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
 
 /// By how much of a limit a motion may exceed it between the points of the grid.
@@ -138,6 +138,12 @@ struct Joint {
     velocity: f64,
 }
 
+impl Joint {
+    fn stop(&self, row: f64, what: &'static str, value: f64, limits: [f64; 2]) -> Stop {
+        Stop::Limit { row, what, name: self.name.clone(), value, limits }
+    }
+}
+
 /// The path at a point of the grid: a, b, d, c of each actuator and its speed u′; the greatest x
 /// by velocities.
 #[derive(Clone)]
@@ -182,11 +188,8 @@ impl Timing<'_> {
         self.planned.give(Field::Y, y);
         self.planned.give(Field::Yd, yd);
         self.planned.give(Field::Ydd, ydd);
-        let answer = self.planned.run(self.model);
-        match answer.status {
-            sarrus_dynamics::Status::Ok => Ok(()),
-            status => Err(Stop::Status { row: place, status }),
-        }
+        answered(self.planned.run(self.model).status)
+            .map_err(|status| Stop::Status { row: place, status })
     }
 
     /// Least and greatest force of an actuator at a speed.
@@ -216,8 +219,7 @@ impl Timing<'_> {
             let limits = of.position;
             let value = q[of.q];
             if value < limits[0] || value > limits[1] {
-                let name = of.name.clone();
-                return Err(Stop::Limit { row: place, what: "position", name, value, limits });
+                return Err(of.stop(place, "position", value, limits));
             }
             let rate = self.planned.get(Field::Qd)[of.v].abs();
             if rate > 0.0 {
@@ -326,14 +328,7 @@ impl Timing<'_> {
                 ("position", self.planned.get(Field::Q)[of.q], of.position),
                 ("velocity", self.planned.get(Field::Qd)[of.v], limits),
             ] {
-                let name = || of.name.clone();
-                look(value, limits, size(limits), &|| Stop::Limit {
-                    row: place,
-                    what,
-                    name: name(),
-                    value,
-                    limits,
-                });
+                look(value, limits, size(limits), &|| of.stop(place, what, value, limits));
             }
         }
         for (k, value) in self.planned.get(Field::TauU).iter().enumerate() {

@@ -132,19 +132,13 @@ impl<T: Real> Pass<'_, T> {
             let composite = &self.composite[cluster.body..];
             let joint = ClusterJoint { model: self.model, cluster, G, motion: self.motion };
             let column = |i: usize, motion, k| composite[i].column(motion, k);
+            let inside = &mut *self.inside;
+            let columns = &mut *self.columns;
             match m {
-                1 => {
-                    joint.columns::<1>(column, self.inside, self.columns, block, uncoupled_diagonal)
-                }
-                2 => {
-                    joint.columns::<2>(column, self.inside, self.columns, block, uncoupled_diagonal)
-                }
-                3 => {
-                    joint.columns::<3>(column, self.inside, self.columns, block, uncoupled_diagonal)
-                }
-                _ => {
-                    joint.columns::<0>(column, self.inside, self.columns, block, uncoupled_diagonal)
-                }
+                1 => joint.columns::<1>(column, inside, columns, block, uncoupled_diagonal),
+                2 => joint.columns::<2>(column, inside, columns, block, uncoupled_diagonal),
+                3 => joint.columns::<3>(column, inside, columns, block, uncoupled_diagonal),
+                _ => joint.columns::<0>(column, inside, columns, block, uncoupled_diagonal),
             }
         }
         add_rotors::<T>(&mut self.rotors, (cluster.v, cluster.n_v), G, block, m);

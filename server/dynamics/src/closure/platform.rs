@@ -233,7 +233,7 @@ impl<T: Real> Leg<T> {
         // acceleration of the pin at ÿ = 0
         let of_platform =
             of.chain.last().map_or(Rate::at_rest(), |(at, _)| local.scratch.rate[at.body + 1]);
-        let mut acceleration = accelerated(&of_platform, &(pin.point - platform.p));
+        let mut acceleration = of_platform.acceleration(pin.point - platform.p);
         if let Some(arm) = arm {
             // rates of the arm's body, its pivot for origin, at θ̈ = 0
             let to_pivot = pin.pivot - platform.p;
@@ -243,14 +243,14 @@ impl<T: Real> Leg<T> {
                 w: w.add_scaled(pin.n, turn_rate),
                 v: of_platform.v.add_cross(w, to_pivot),
                 alpha: of_platform.alpha.add_scaled(wn, turn_rate),
-                a: accelerated(&of_platform, &to_pivot),
+                a: of_platform.acceleration(to_pivot),
             };
             let r = center - pin.pivot;
             let v = of_arm.v.add_cross(of_arm.w, r);
-            let x = accelerated(&of_arm, &r).add_scaled(of_arm.w.cross(v), -T::from_f64(2.0));
+            let x = of_arm.acceleration(r).add_scaled(of_arm.w.cross(v), -T::from_f64(2.0));
             let bias = -(pin.m.dot(x) * pin.inverse_length);
             local.g[arm.joint.v] = bias;
-            acceleration = accelerated(&of_arm, &pin.tip).add_scaled(pin.n.cross(pin.tip), bias);
+            acceleration = of_arm.acceleration(pin.tip).add_scaled(pin.n.cross(pin.tip), bias);
         }
         let bias = self.strut.accelerations(&reach, rates, &acceleration);
         self.strut.joints.iter().zip(bias).for_each(|(j, bias)| local.g[j.v] = bias);
@@ -306,10 +306,4 @@ impl<T: Real> Leg<T> {
         };
         (pin, validity)
     }
-}
-
-/// Acceleration of a point of a body from the rates of its origin.
-#[inline(always)]
-pub(super) fn accelerated<T: Real>(rate: &Rate<T>, r: &Vector3<T>) -> Vector3<T> {
-    rate.a.add_cross(rate.alpha, *r).add_cross(rate.w, rate.w.cross(*r))
 }

@@ -30,7 +30,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::closure::platform::{Platform, accelerated};
+use crate::closure::platform::Platform;
 use crate::closure::{Level, Local, Rrpr, Validity};
 use crate::scalar::{Real, Triple, constants};
 use crate::spatial::{Matrix, Pose, zero};
@@ -245,7 +245,7 @@ impl<T: Real> RodLeg<T> {
 
         // acceleration of the platform against the leg's at its own rates, ÿ = 0
         let of_platform = &local.scratch.rate[self.platform];
-        let a_platform = accelerated(of_platform, &(at.point - platform.p));
+        let a_platform = of_platform.acceleration(at.point - platform.p);
         let a_arm = at.arm * -(w0 * w0);
         let (w, alpha) =
             if self.on_crank { (at.a * w0, zero()) } else { (of_platform.w, of_platform.alpha) };

@@ -17,7 +17,6 @@ mod rezero;
 
 use problem::Candidate;
 
-use crate::mechanism::Motion;
 use crate::model::{Model, assess};
 
 pub use open::OpenModel;
@@ -209,47 +208,33 @@ fn checked(
             Err(AssembleError::WrongSize { what, found, expected })
         }
     };
+    let bad_pose = |name: String, found, expected| AssembleError::BadPose { name, found, expected };
+    let bad_weights =
+        |name: String, found, expected| AssembleError::BadWeights { name, found, expected };
     size("the given pose", near.len(), model.order.q.len())?;
     size("the weights", weights.len(), model.order.v.len())?;
     let mut q = vec![0.0; near.len()];
     let mut w = vec![0.0; weights.len()];
     for ((&x, &at), name) in near.iter().zip(&model.order.q).zip(model.tree_q_names()) {
         if !x.is_finite() {
-            return Err(AssembleError::BadPose {
-                name: name.clone(),
-                found: x,
-                expected: "a finite number",
-            });
+            return Err(bad_pose(name.clone(), x, "a finite number"));
         }
         q[at] = x;
     }
     let names = model.tree_names();
     for ((&x, &at), name) in weights.iter().zip(&model.order.v).zip(names) {
         if x.is_nan() || x < 0.0 {
-            return Err(AssembleError::BadWeights {
-                name: name.clone(),
-                found: x,
-                expected: "0 (free) or more, infinite (fixed)",
-            });
+            return Err(bad_weights(name.clone(), x, "0 (free) or more, infinite (fixed)"));
         }
         w[at] = x;
     }
-    for body in model
-        .bodies
-        .iter()
-        .skip(1)
-        .filter(|body| matches!(body.motion, Motion::Spherical | Motion::Floating))
-    {
+    for body in model.bodies[1..].iter().filter(|body| body.motion.n_q() > 1) {
         let four = &mut q[body.q + body.motion.n_q() - 4..body.q + body.motion.n_q()];
         let length = four.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() > 1e-6 {
             let at = model.order.q.iter().position(|at| *at == body.q);
             let name = at.and_then(|e| model.tree_q_names().get(e)).cloned().unwrap_or_default();
-            return Err(AssembleError::BadPose {
-                name,
-                found: length,
-                expected: "a quaternion of unit length",
-            });
+            return Err(bad_pose(name, length, "a quaternion of unit length"));
         }
         four.iter_mut().for_each(|x| *x /= length);
         // a part of a turn cannot be held while the rest goes on
@@ -257,11 +242,7 @@ fn checked(
         let fixed = w[velocities.clone()].iter().filter(|x| x.is_infinite()).count();
         if fixed != 0 && fixed != velocities.len() {
             let name = names[model.order.v_external[body.v]].clone();
-            return Err(AssembleError::BadWeights {
-                name,
-                found: w[body.v],
-                expected: "all freedoms of this joint fixed or none",
-            });
+            return Err(bad_weights(name, w[body.v], "all freedoms of this joint fixed or none"));
         }
     }
     Ok((q, w))

@@ -34,7 +34,7 @@ pub struct ClosedNumbers {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Closed {
     /// Closed by Newton's method.
-    by_newton: Vec<usize>,
+    pub(super) by_newton: Vec<usize>,
     /// Closed by the closed form that replaces it.
     by_form: Vec<usize>,
     /// Start poses of the latter, for clusters with joints that make full turns, and seeds.
@@ -101,10 +101,6 @@ impl Closed {
         closed
     }
 
-    fn is_empty(&self) -> bool {
-        self.by_newton.is_empty() && self.by_form.is_empty()
-    }
-
     pub(super) fn len(&self) -> usize {
         let of_newton = self.q.len() + 2 * self.cos_sin.len() + self.G.len();
         let of_rates = self.qd.len() + self.g.len();
@@ -113,7 +109,7 @@ impl Closed {
     }
 
     /// Copies the results from the workspace, in its order.
-    fn save<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
+    pub(super) fn save<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
         let gain = (!self.by_newton.is_empty()).then_some(gain);
         let start = self.start.iter().map(|i| ws.start[*i]);
         let q = self.seeds.iter().chain(&self.q).map(|i| ws.q[*i]);
@@ -210,27 +206,12 @@ impl Plan {
     /// method, and the motion is given by the independents.
     #[inline]
     pub fn closes_apart(&self) -> bool {
-        !self.closed.is_empty()
+        !self.closed.by_newton.is_empty() || !self.closed.by_form.is_empty()
     }
 
     /// How many numbers [`Plan::close`] puts behind the given ones.
     pub fn closed_len(&self) -> usize {
         self.closed.len()
-    }
-
-    /// The clusters that Newton's method closes.
-    pub(super) fn newton_only(&self) -> impl Iterator<Item = &usize> {
-        self.closed.by_newton.iter()
-    }
-
-    /// Copies the results of closures from the workspace.
-    pub(super) fn save_closed<T: Real>(&self, ws: &Workspace<T>, gain: T, out: &mut [T]) {
-        self.closed.save(ws, gain, out);
-    }
-
-    /// Numbers, given ones included, that a workspace needs room for.
-    pub(super) fn room_for_closed(&self) -> usize {
-        self.given.len() + self.closed.len()
     }
 
     /// Which numbers [`Plan::close`] puts behind the given ones. Allocates.

@@ -18,9 +18,9 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         // a workspace without them does not serve this plan
-        let Some(mut d) = ws.derivatives.take() else { return Status::WrongSize };
+        let mut d = ws.derivatives.take().ok_or(Status::WrongSize)?;
         let out = &mut output[self.want().slot(Field::DgammaDtheta).map_or(0..0, Slot::range)];
         let width = model.sizes().n_geometry();
         out.fill(T::ZERO);
@@ -32,21 +32,21 @@ impl Plan {
                 }
             });
         });
-        let mut status = Status::Ok;
+        let mut written = Ok(());
         for &c in &self.needed.scope.closed {
             // couplings have no geometry
             if model.clusters[c].cuts.iter().all(Cut::is_coupling) {
                 continue;
             }
             if !solve(model, &model.clusters[c], ws, &mut d) {
-                status = Status::SingularClosure;
+                written = Err(Status::SingularClosure);
                 break;
             }
             self.add_cluster(model, c, ws, &d.by_geometry, [&mut *of_q, &mut *of_frames]);
         }
         out.iter_mut().for_each(|x| *x = x.plus_zero());
         ws.derivatives = Some(d);
-        status
+        written
     }
 
     /// Adds the dependents of a cluster.

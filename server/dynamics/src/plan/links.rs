@@ -15,14 +15,14 @@ pub(super) fn write<T: Real>(
     bodies: &[usize],
     field: Field,
     out: &mut [T],
-) -> Status {
+) -> Result<(), Status> {
     if field == Field::ComBias {
         algorithms::rates(model, bodies, &ws.qd, &ws.g, &mut ws.motion);
     }
     let links = Links::of(model, &ws.world, &ws.motion);
     // a robot without mass has no centre of it
     if field != Field::Energy && !T::ZERO.lt(links.mass) {
-        return Status::MassNotPositive;
+        return Err(Status::MassNotPositive);
     }
     match field {
         Field::Com => out.copy_from_slice(links.com().as_slice()),
@@ -43,7 +43,7 @@ pub(super) fn write<T: Real>(
         }
         _ => {}
     }
-    Status::Ok
+    Ok(())
 }
 
 /// Adds the column of a tree velocity, times its row of G, to a matrix over the independents.

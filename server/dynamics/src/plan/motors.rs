@@ -73,8 +73,12 @@ impl Plan {
         motors: &Motors,
         input: &[T],
         output: &mut [T],
-    ) -> Status {
-        let Some(mut own) = ws.motors.take() else { return Status::WrongSize };
+    ) -> Result<(), Status> {
+        let is_finite = |c: &usize| all_finite(&ws.tau_y[model.clusters[*c].independents()]);
+        if self.reads_forces() && !motors.clusters.iter().all(is_finite) {
+            return Err(Status::NonFiniteInput);
+        }
+        let mut own = ws.motors.take().ok_or(Status::WrongSize)?;
         own.no_limit = false;
         let moves = self.steps.velocity.is_some();
         for ((limits, motor), v) in own.limits.iter_mut().zip(&model.motors).zip(&model.order.u_v) {
@@ -84,30 +88,21 @@ impl Plan {
                 [T::from_f64(f64::NAN); 2]
             };
         }
-        let is_finite = |c: &usize| all_finite(&ws.tau_y[model.clusters[*c].independents()]);
-        let mut status = Status::Ok;
-        if self.reads_forces() && !motors.clusters.iter().all(is_finite) {
-            status = Status::NonFiniteInput;
-        } else if self.wants_any(&[Field::Margin, Field::Clip, Field::Binding]) {
+        if self.wants_any(&[Field::Margin, Field::Clip, Field::Binding]) {
             self.find_margin(model, ws, motors, &mut own);
         }
-        let slots = self.want().slots().iter().filter(|slot| slot.field.is_of_motors());
-        for slot in slots {
-            if status != Status::Ok {
-                break;
-            }
+        let mut slots = self.want().slots().iter().filter(|slot| slot.field.is_of_motors());
+        let written = slots.try_for_each(|slot| {
             let out = &mut output[slot.range()];
-            status = self.write_motor_field(model, ws, motors, &mut own, (slot, input), out);
+            self.write_motor_field(model, ws, motors, &mut own, (slot, input), out)?;
             out.iter_mut().for_each(|x| *x = x.plus_zero());
             // other numbers are too large to be computed with
             let may_miss = slot.field == Field::Margin || slot.field.has_vertex_rows();
             let fits = |x: &T| x.is_finite() || (own.no_limit || may_miss) && x.to_f64().is_nan();
-            if status == Status::Ok && !out.iter().all(fits) {
-                status = Status::NonFiniteInput;
-            }
-        }
+            if out.iter().all(fits) { Ok(()) } else { Err(Status::NonFiniteInput) }
+        });
         ws.motors = Some(own);
-        status
+        written
     }
 
     fn write_motor_field<T: Real>(
@@ -118,7 +113,7 @@ impl Plan {
         own: &mut MotorScratch<T>,
         (slot, input): (&Slot, &[T]),
         out: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let rows = &self.needed.vy;
         let given = |field| self.given.slot(field).map_or(&[] as &[T], |slot| &input[slot.range()]);
         let of_rotors = |_, v| at(&model.terms.rotors, v, |x| x.v).map_or(T::ZERO, |x| x.inertia);
@@ -133,9 +128,7 @@ impl Plan {
                 return write_vertices(rows.len(), own, out);
             }
             Field::SpeedVertices => {
-                if !self.speed_segments(model, ws, motors, own) {
-                    return Status::SingularActuation;
-                }
+                self.speed_segments(model, ws, motors, own)?;
                 return write_vertices(rows.len(), own, out);
             }
             Field::TorqueSupport | Field::TorqueSupportNet => {
@@ -182,7 +175,7 @@ impl Plan {
             }
             _ => {}
         }
-        Status::Ok
+        Ok(())
     }
 
     /// The segments of the set of forces over the wanted independents, and its lowest corner.
@@ -212,14 +205,14 @@ impl Plan {
         }
     }
 
-    /// The segments of the set of velocities, of the columns of G_u⁻¹; false where it is unbounded.
+    /// The segments of the set of velocities, of the columns of G_u⁻¹; fails where it is unbounded.
     fn speed_segments<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         motors: &Motors,
         own: &mut MotorScratch<T>,
-    ) -> bool {
+    ) -> Result<(), Status> {
         let rows = &self.needed.vy;
         let p = rows.len();
         own.base[..p].fill(T::ZERO);
@@ -227,7 +220,7 @@ impl Plan {
         for cluster in motors.clusters.iter().map(|c| &model.clusters[*c]) {
             let m = cluster.n_vy;
             if cluster.active.len() != m {
-                return false;
+                return Err(Status::SingularActuation);
             }
             let G = cluster.G(&ws.G);
             for (r, &(_, j)) in cluster.active.iter().enumerate() {
@@ -236,11 +229,8 @@ impl Plan {
                     ws.dense_rhs[r * m + k] = if r == k { T::ONE } else { T::ZERO };
                 }
             }
-            if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, m, cluster.least_authority)
-                .is_none()
-            {
-                return false;
-            }
+            solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, m, cluster.least_authority)
+                .ok_or(Status::SingularActuation)?;
             for (a, &(u, _)) in cluster.active.iter().enumerate() {
                 let motor = &model.motors[u];
                 own.no_limit |= !motor.has_velocity();
@@ -257,7 +247,7 @@ impl Plan {
                 own.n += 1;
             }
         }
-        true
+        Ok(())
     }
 
     /// Gᵤᵀ W G_u with the diagonal W by actuator and tree velocity, into the wanted rows from a
@@ -316,7 +306,7 @@ impl Plan {
         own: &mut MotorScratch<T>,
         gains: &[T],
         out: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let n = model.sizes().n_vy;
         self.congruence(model, ws, |u, _| gains[2 * u], out, 0);
         self.congruence(model, ws, |u, _| gains[2 * u + 1], out, n);
@@ -324,13 +314,11 @@ impl Plan {
         let force = |u: usize, _| if self.reads_forces() { ws.tau_u[u] } else { T::ZERO };
         self.along(model, ws, force, |row, x| out[row * columns + 2 * n] = x);
         if !self.reads_forces() {
-            return Status::Ok;
+            return Ok(());
         }
         for c in motors.clusters.iter().filter(|c| !model.clusters[**c].is_serial()) {
             let cluster = &model.clusters[*c];
-            if let Err(status) = bend(model, ws, *c, own) {
-                return status;
-            }
+            bend(model, ws, *c, own)?;
             for (row, k) in self.needed.vy.iter().enumerate().filter(|(_, k)| has(cluster, **k)) {
                 let bent = &own.segments[(k - cluster.vy) * cluster.n_vy..][..cluster.n_vy];
                 for (l, x) in cluster.independents().zip(bent) {
@@ -338,7 +326,7 @@ impl Plan {
                 }
             }
         }
-        Status::Ok
+        Ok(())
     }
 
     /// The largest s such that s τ_y lies in the set of forces, over the facets of the set of each
@@ -484,15 +472,19 @@ fn support<T: Real>(model: &Model<T>, ws: &Workspace<T>, own: &mut MotorScratch<
 }
 
 /// Writes the vertices of the lowest corner and its segments; missing ones are NaN.
-fn write_vertices<T: Real>(p: usize, own: &mut MotorScratch<T>, out: &mut [T]) -> Status {
+fn write_vertices<T: Real>(
+    p: usize,
+    own: &mut MotorScratch<T>,
+    out: &mut [T],
+) -> Result<(), Status> {
     let MotorScratch { segments, scratch, signs, base, n, no_limit, .. } = own;
     let segments = &segments[..*n * p];
     out.fill(T::from_f64(f64::NAN));
     if !all_finite(segments) || !all_finite(&base[..p]) {
-        return if *no_limit { Status::Ok } else { Status::NonFiniteInput };
+        return if *no_limit { Ok(()) } else { Err(Status::NonFiniteInput) };
     }
     if p == 0 {
-        return Status::Ok;
+        return Ok(());
     }
     let count = Zonotope::with(segments, p, scratch, |set, rest| set.vertices(rest, signs));
     for (vertex, signs) in out.chunks_exact_mut(p).zip(&signs[..count]) {
@@ -505,7 +497,7 @@ fn write_vertices<T: Real>(p: usize, own: &mut MotorScratch<T>, out: &mut [T]) -
         let written = count.min(out.len() / p) * p;
         around(&base[..p], segments, &mut out[..written]);
     }
-    Status::Ok
+    Ok(())
 }
 
 /// Orders points of a plane around the middle of the set.

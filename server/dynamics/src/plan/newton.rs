@@ -74,7 +74,7 @@ impl Plan {
                 reach: numerical.reach,
             })
         };
-        self.newton_only().map(cluster).collect()
+        self.closed.by_newton.iter().map(cluster).collect()
     }
 
     /// The coordinates at zero, and for each of y its place among them. Allocates.
@@ -116,7 +116,7 @@ impl Plan {
         let ws = workspace;
         let mut sound = self.set_state(model, ws, input).is_ok();
         let mut largest = T::ONE;
-        for c in self.newton_only() {
+        for c in &self.closed.by_newton {
             let cluster = &model.clusters[*c];
             let Closure::Numerical(numerical) = &model.closures[*c] else { return false };
             hold_idle(cluster, ws);
@@ -127,7 +127,7 @@ impl Plan {
             sound &= good;
             largest = largest.larger(gain);
         }
-        self.save_closed(ws, largest, output);
+        self.closed.save(ws, largest, output);
         sound
     }
 

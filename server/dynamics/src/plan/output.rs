@@ -23,7 +23,7 @@ impl Plan {
         report: &mut RunReport<T>,
         input: &[T],
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         if self.steps.frames || self.steps.links {
             algorithms::world_poses(model, &self.frame_bodies, &ws.motion, &mut ws.world);
             if self.steps.frame_velocities {
@@ -32,43 +32,16 @@ impl Plan {
         }
         // before others compute cosines again, which are those of the closures' own forms
         if self.steps.geometry && !T::STRAIGHT {
-            let status = self.write_geometry(model, ws, output);
-            if status != Status::Ok {
-                return status;
-            }
+            self.write_geometry(model, ws, output)?;
         }
-        let conditions = if self.steps.conditions {
-            match self.conditions(model, ws, output) {
-                Ok(conditions) => Some(conditions),
-                Err(status) => return status,
-            }
-        } else {
-            None
-        };
+        if self.steps.conditions {
+            self.write_conditions(model, ws, output)?;
+        }
         for slot in self.want().slots() {
-            let range = slot.range();
-            let status = self.write_field(model, ws, slot, &mut output[range]);
-            if status != Status::Ok {
-                return status;
-            }
+            self.write_field(model, ws, slot, &mut output[slot.range()])?;
         }
         if self.motors.is_some() || self.steps.task_space || self.steps.regressor {
-            let status = self.write_rare(model, ws, report, input, output);
-            if status != Status::Ok {
-                return status;
-            }
-        }
-        if let Some(conditions) = conditions {
-            let figures = [
-                (Field::Residual, conditions.residual),
-                (Field::CondKd, conditions.cond_Kd),
-                (Field::CondGu, conditions.cond_Gu),
-                (Field::SigmaMin, conditions.sigma_min),
-                (Field::CondMy, conditions.cond_My),
-            ];
-            for (field, value) in figures {
-                self.write_figure(field, value, output);
-            }
+            self.write_rare(model, ws, report, input, output)?;
         }
         self.write_figure(Field::Iterations, T::from_f64(f64::from(report.iterations)), output);
         self.write_figure(Field::Projection, T::from_f64(report.projection), output);
@@ -85,36 +58,30 @@ impl Plan {
         report: &mut RunReport<T>,
         input: &[T],
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         // no packet has them
         if let (Some(motors), false) = (&self.motors, T::STRAIGHT) {
-            let status = self.write_motors(model, ws, motors, input, output);
-            if status != Status::Ok {
-                return status;
-            }
+            self.write_motors(model, ws, motors, input, output)?;
         }
         if self.steps.regressor && !T::STRAIGHT {
-            let status = self.write_regressors(model, ws, output);
-            if status != Status::Ok {
-                return status;
-            }
+            self.write_regressors(model, ws, output)?;
         }
         if self.steps.task_space {
-            return self.write_task_space(model, ws, report, output);
+            self.write_task_space(model, ws, report, output)?;
         }
-        Status::Ok
+        Ok(())
     }
 
     /// Numbers too large to be computed with are no answer; a condition may be infinite.
     #[inline(always)]
-    fn check_overflow<T: Real>(&self, output: &[T]) -> Status {
+    fn check_overflow<T: Real>(&self, output: &[T]) -> Result<(), Status> {
         let has_rare = self.motors.is_some() || self.task.is_some() || !self.base.is_empty();
         let fits = if self.steps.conditions || has_rare {
             self.are_finite(output)
         } else {
             all_finite(output)
         };
-        if fits { Status::Ok } else { Status::NonFiniteInput }
+        if fits { Ok(()) } else { Err(Status::NonFiniteInput) }
     }
 
     /// The same of a plan with fields that may be infinite.
@@ -159,7 +126,7 @@ impl Plan {
         }
     }
 
-    fn write_figure<T: Real>(&self, field: Field, value: T, output: &mut [T]) {
+    pub(super) fn write_figure<T: Real>(&self, field: Field, value: T, output: &mut [T]) {
         if let Some(slot) = self.want().slot(field) {
             output[slot.offset] = value.plus_zero();
         }
@@ -175,7 +142,7 @@ impl Plan {
         ws: &mut Workspace<T>,
         slot: &Slot,
         out: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let rows = &self.needed;
         let (from, order) = match slot.field {
             Field::Y | Field::NearestY => (&ws.q, &rows.qy_q),
@@ -195,9 +162,9 @@ impl Plan {
             Field::GBias => (&ws.g, &rows.v),
             Field::GUBias => (&ws.g, &rows.u_v),
             _ => {
-                let status = self.write_formed(model, ws, slot, out);
+                let formed = self.write_formed(model, ws, slot, out);
                 out.iter_mut().for_each(|x| *x = x.plus_zero());
-                return status;
+                return formed;
             }
         };
         // numbers that were given come back as they are
@@ -208,7 +175,7 @@ impl Plan {
         } else {
             out.iter_mut().zip(order).for_each(|(x, i)| *x = from[*i].plus_zero());
         }
-        Status::Ok
+        Ok(())
     }
 
     #[inline(never)]
@@ -218,7 +185,7 @@ impl Plan {
         ws: &mut Workspace<T>,
         slot: &Slot,
         out: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let order = &model.order;
         let rows = &self.needed;
         match slot.field {
@@ -273,7 +240,7 @@ impl Plan {
             // written where they are computed
             _ => {}
         }
-        Status::Ok
+        Ok(())
     }
 
     pub(super) fn each_frame<T: Real>(
@@ -294,7 +261,7 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         out: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let n_u = model.sizes().n_u;
         let n_vy = model.sizes().n_vy;
         out.fill(T::ZERO);
@@ -302,44 +269,36 @@ impl Plan {
             let frame = &model.frames[*link];
             let mut spare = core::mem::take(&mut ws.jacobian);
             self.independent_jacobian(model, ws, frame, &mut spare, &model.order.vy_internal);
-            let mut status = Status::Ok;
+            ws.jacobian = spare;
+            let Workspace { G, jacobian: J, dense, dense_rhs, .. } = &mut *ws;
             for cluster in &model.clusters {
                 let m = cluster.n_vy;
-                if (0..m).all(|k| (0..6).all(|row| spare[row * n_vy + cluster.vy + k] == T::ZERO)) {
+                if (0..m).all(|k| (0..6).all(|row| J[row * n_vy + cluster.vy + k] == T::ZERO)) {
                     continue;
                 }
                 if cluster.active.len() != m {
-                    status = Status::SingularActuation;
-                    break;
+                    return Err(Status::SingularActuation);
                 }
                 // G_uᵀ Xᵀ = Jᵀ
-                let G = cluster.G(&ws.G);
+                let G = cluster.G(G);
                 for k in 0..m {
                     for (r, &(_, j)) in cluster.active.iter().enumerate() {
-                        ws.dense[k * m + r] = G[(j, k)];
+                        dense[k * m + r] = G[(j, k)];
                     }
                     for row in 0..6 {
-                        ws.dense_rhs[k * 6 + row] = spare[row * n_vy + cluster.vy + k];
+                        dense_rhs[k * 6 + row] = J[row * n_vy + cluster.vy + k];
                     }
                 }
-                if solve_sound(&mut ws.dense, &mut ws.dense_rhs, m, 6, cluster.least_authority)
-                    .is_none()
-                {
-                    status = Status::SingularActuation;
-                    break;
-                }
+                solve_sound(dense, dense_rhs, m, 6, cluster.least_authority)
+                    .ok_or(Status::SingularActuation)?;
                 for (r, (u, _)) in cluster.active.iter().enumerate() {
                     for row in 0..6 {
-                        out[row * n_u + u] = ws.dense_rhs[r * 6 + row];
+                        out[row * n_u + u] = dense_rhs[r * 6 + row];
                     }
                 }
             }
-            ws.jacobian = spare;
-            if status != Status::Ok {
-                return status;
-            }
         }
-        Status::Ok
+        Ok(())
     }
 }
 

@@ -18,10 +18,10 @@ impl Plan {
         model: &Model<T>,
         ws: &mut Workspace<T>,
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let columns = model.sizes().n_parameters();
-        if self.wants(Field::RegressorU) && self.actuation(model, ws).is_err() {
-            return Status::SingularActuation;
+        if self.wants(Field::RegressorU) {
+            self.actuation(model, ws)?;
         }
         let slot = |field| self.want().slot(field).map_or(0..0, Slot::range);
         let [of_y, of_u] = [slot(Field::RegressorY), slot(Field::RegressorU)];
@@ -44,7 +44,7 @@ impl Plan {
                 add(rows.u.iter().position(|picked| picked == u), &of_u, *x);
             }
         });
-        Status::Ok
+        Ok(())
     }
 
     /// G Pᵀ of all clusters: the row of a tree velocity holds its part in the forces of the

@@ -165,7 +165,10 @@ impl Plan {
         let mut report = RunReport::none();
         let computed = self.compute::<T, CLOSED>(model, workspace, input, closed, &mut report);
         report.status = match computed {
-            Ok(()) => self.write(model, workspace, &mut report, input, output),
+            Ok(()) => {
+                let written = self.write(model, workspace, &mut report, input, output);
+                written.err().unwrap_or(Status::Ok)
+            }
             // an angle without sine fails in the first step that uses it
             Err(_) if self.beyond_angles(model, workspace, &report) => {
                 report = RunReport::none();

@@ -21,7 +21,7 @@ impl<T: Real> Workspace<T> {
             needs = needs.and(plan.needs());
             given = given.max(plan.given().len());
             want = want.max(plan.want().len());
-            closed = closed.max(plan.room_for_closed());
+            closed = closed.max(plan.given.len() + plan.closed.len());
             if let Some(first) = &plan.first {
                 given = given.max(first.given().len());
                 want = want.max(2 * first.want().len());

@@ -50,7 +50,7 @@ struct Bridge<'a>(RefCell<&'a mut Engine>);
 
 impl ODE<f64, Vec<f64>> for Bridge<'_> {
     fn diff(&self, t: f64, x: &Vec<f64>, rate: &mut Vec<f64>) {
-        self.0.borrow_mut().rate(t, x, rate);
+        let _ = self.0.borrow_mut().rate(t, x, rate);
     }
 }
 
@@ -106,35 +106,32 @@ impl Stepper for Dop853 {
             Ok(_) if method.t() > *t => {
                 let to = if step == room { limit } else { method.t() };
                 let mut next = method.y().clone();
-                let status = engine.settle(to, &mut next);
-                if status == Status::Ok {
-                    (*t, self.failures) = (to, 0);
-                    x.copy_from_slice(&next);
-                    engine.counts.steps += 1;
-                    if engine.counts.steps.is_multiple_of(LOOK) && !self.stiff {
-                        self.look(engine, to, x, step);
-                    }
-                    // a step that the limit cut short is no evidence against the longer one
-                    if step < own {
-                        let longer = method.h().max(own);
-                        method.set_h(longer);
-                    }
-                    self.first = method.h();
-                    self.stale = failure.is_some();
-                    self.method = Some(method);
-                    return Attempt::Done;
+                if let Err(status) = engine.settle(to, &mut next) {
+                    // the end of the step itself has no answer
+                    return self.give_way(engine, step, Some(status));
                 }
-                // the end of the step itself has no answer
-                self.give_way(engine, step, Some(status))
+                (*t, self.failures) = (to, 0);
+                x.copy_from_slice(&next);
+                engine.counts.steps += 1;
+                if engine.counts.steps.is_multiple_of(LOOK) && !self.stiff {
+                    self.look(engine, to, x, step);
+                }
+                // a step that the limit cut short is no evidence against the longer one
+                if step < own {
+                    let longer = method.h().max(own);
+                    method.set_h(longer);
+                }
+                self.first = method.h();
+                self.stale = failure.is_some();
+                self.method = Some(method);
+                Attempt::Done
             }
             Ok(_) => {
-                let shorter = method.h();
-                let failed = failure.is_some();
-                if failed {
+                if failure.is_some() {
                     return self.give_way(engine, step, failure);
                 }
                 engine.counts.rejected += 1;
-                self.first = shorter;
+                self.first = method.h();
                 self.method = Some(method);
                 Attempt::Rejected
             }
@@ -183,7 +180,7 @@ impl Dop853 {
     fn look(&mut self, engine: &mut Engine, t: f64, x: &[f64], step: f64) {
         let n = x.len();
         let mut jacobian = vec![0.0; n * n];
-        if engine.jacobian(t, x, &mut jacobian) != Status::Ok {
+        if engine.jacobian(t, x, &mut jacobian).is_err() {
             engine.take_failure();
             return;
         }

@@ -13,7 +13,7 @@ const PART: f64 = 0.381_966_011_250_105_2;
 /// One step from a settled state to a new one.
 pub(crate) trait OneStep {
     /// From t to `to`; x becomes the new settled state, or stays where that has no answer.
-    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status;
+    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Result<(), Status>;
 }
 
 /// A method of fixed step.
@@ -35,22 +35,19 @@ impl<M: OneStep + Default> FixedStep<M> {
         x: &mut [f64],
         to: f64,
         splits: u32,
-    ) -> Status {
-        let status = self.method.step(engine, *t, x, to);
-        if status == Status::Ok {
+    ) -> Result<(), Status> {
+        let Err(status) = self.method.step(engine, *t, x, to) else {
             *t = to;
             engine.counts.steps += 1;
-            return status;
-        }
+            return Ok(());
+        };
         engine.counts.failed += 1;
         let middle = *t + PART * (to - *t);
         if splits == 0 || middle <= *t || middle >= to {
-            return status;
+            return Err(status);
         }
-        match self.walk(engine, t, x, middle, splits - 1) {
-            Status::Ok => self.walk(engine, t, x, to, splits - 1),
-            other => other,
-        }
+        self.walk(engine, t, x, middle, splits - 1)?;
+        self.walk(engine, t, x, to, splits - 1)
     }
 }
 
@@ -58,10 +55,8 @@ impl<M: OneStep + Default> Stepper for FixedStep<M> {
     fn attempt(&mut self, engine: &mut Engine, t: &mut f64, x: &mut [f64], limit: f64) -> Attempt {
         // the last step may be a little longer than the others, never a crumb
         let to = if *t + 1.000_001 * self.step >= limit { limit } else { *t + self.step };
-        match self.walk(engine, t, x, to, SPLITS) {
-            Status::Ok => Attempt::Done,
-            status => Attempt::Failed(status),
-        }
+        let walked = self.walk(engine, t, x, to, SPLITS);
+        walked.map_or_else(Attempt::Failed, |()| Attempt::Done)
     }
 
     fn restart(&mut self) {}

@@ -8,7 +8,7 @@
 use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, ImplicitForm, Model, Planned, Query, Request, Status};
 
-use crate::error::Outcome;
+use crate::error::{Outcome, answered};
 use crate::forces::inputs::OnTree;
 use crate::forces::springs::Springs;
 use crate::methods::runge_kutta::four_stages;
@@ -60,11 +60,11 @@ impl<'a> Form<'a> {
     }
 
     /// ẋ at t and x.
-    pub(crate) fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
+    pub(crate) fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Result<(), Status> {
         let n_q = self.mechanism.sizes.n_q;
         let n_v = self.mechanism.sizes.n_v;
         if !x.iter().all(|x| x.is_finite()) {
-            return Status::NonFiniteInput;
+            return Err(Status::NonFiniteInput);
         }
         let mut unit = x[..n_q].to_vec();
         self.mechanism.q.normalise(&mut unit);
@@ -73,10 +73,7 @@ impl<'a> Form<'a> {
         if let Some(frames) = &mut self.frames {
             frames.give(Field::Q, &unit);
             frames.give(Field::Qd, qd);
-            let status = frames.run(self.model).status;
-            if status != Status::Ok {
-                return status;
-            }
+            answered(frames.run(self.model).status)?;
             let poses = frames.get(Field::FramePose);
             let twists = frames.get(Field::FrameTwist);
             let effect = self.mechanism.springs.wrenches(poses, twists, &mut self.wrenches);
@@ -98,36 +95,33 @@ impl<'a> Form<'a> {
         if let Some(work) = rate.get_mut(n_q + n_v) {
             *work = self.mechanism.power(qd, &self.tau_q, loss);
         }
-        status
+        answered(status)
     }
 
     /// One step, `projected` onto the closed states at its end; x is that before it where it has no
     /// answer.
-    pub(crate) fn step(&mut self, t: f64, to: f64, x: &mut Vec<f64>, projected: bool) -> Status {
+    pub(crate) fn step(
+        &mut self,
+        t: f64,
+        to: f64,
+        x: &mut Vec<f64>,
+        projected: bool,
+    ) -> Result<(), Status> {
         let n_q = self.mechanism.sizes.n_q;
         let n_v = self.mechanism.sizes.n_v;
         let mut first = vec![0.0; x.len()];
-        let status = self.evaluate(t, x, &mut first);
-        if status != Status::Ok {
-            return status;
-        }
+        self.evaluate(t, x, &mut first)?;
         let rate = |at, x: &[f64], rate: &mut [f64]| self.evaluate(t + at, x, rate);
-        let mut next = match four_stages(x, to - t, first, rate) {
-            Ok(next) => next,
-            Err(status) => return status,
-        };
+        let mut next = four_stages(x, to - t, first, rate)?;
         if !next.iter().all(|x| x.is_finite()) {
-            return Status::NonFiniteInput;
+            return Err(Status::NonFiniteInput);
         }
         self.mechanism.q.normalise(&mut next[..n_q]);
         if projected {
             let (q, rest) = next.split_at_mut(n_q);
-            let status = self.form.project(self.model, q, &mut rest[..n_v]);
-            if status != Status::Ok {
-                return status;
-            }
+            answered(self.form.project(self.model, q, &mut rest[..n_v]))?;
         }
         *x = next;
-        Status::Ok
+        Ok(())
     }
 }

@@ -16,11 +16,11 @@ use crate::motion::engine::Engine;
 pub(crate) struct RungeKutta;
 
 impl OneStep for RungeKutta {
-    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
+    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Result<(), Status> {
         let h = to - t;
         let first = engine.anchor.rate.clone();
-        let next = four_stages(x, h, first, |at, x, rate| engine.rate(t + at, x, rate));
-        next.map_or_else(|status| status, |mut next| engine.accept(to, &mut next, x))
+        let mut next = four_stages(x, h, first, |at, x, rate| engine.rate(t + at, x, rate))?;
+        engine.accept(to, &mut next, x)
     }
 }
 
@@ -29,16 +29,13 @@ pub(crate) fn four_stages(
     x: &[f64],
     h: f64,
     first: Vec<f64>,
-    mut rate: impl FnMut(f64, &[f64], &mut [f64]) -> Status,
+    mut rate: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), Status>,
 ) -> Result<Vec<f64>, Status> {
     let n = x.len();
     let mut stages = [first, vec![0.0; n], vec![0.0; n], vec![0.0; n]];
     for (k, part) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
         let at: Vec<f64> = (0..n).map(|i| x[i] + part * h * stages[k - 1][i]).collect();
-        let status = rate(part * h, &at, &mut stages[k]);
-        if status != Status::Ok {
-            return Err(status);
-        }
+        rate(part * h, &at, &mut stages[k])?;
     }
     let [a, b, c, d] = &stages;
     Ok((0..n).map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])).collect())

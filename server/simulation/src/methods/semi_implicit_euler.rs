@@ -18,7 +18,7 @@ pub(crate) struct SemiImplicitEuler {
 
 impl OneStep for SemiImplicitEuler {
     /// ẏ += h ÿ at the old state, then y along the new ẏ by the exponential map.
-    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Status {
+    fn step(&mut self, engine: &mut Engine, t: f64, x: &mut [f64], to: f64) -> Result<(), Status> {
         let n_qy = engine.mechanism.sizes.n_qy;
         let n_vy = engine.mechanism.sizes.n_vy;
         let h = to - t;

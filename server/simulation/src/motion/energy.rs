@@ -6,7 +6,7 @@ use sarrus_dynamics::description::Description;
 use sarrus_dynamics::{Field, FieldSet, Model, PlanScalar, Planned, Query, Request, Status};
 
 use crate::coordinates::{Coordinates, cross, turned};
-use crate::error::Outcome;
+use crate::error::{Outcome, answered};
 
 /// Links in one plan.
 const CHUNK: usize = 32;
@@ -103,10 +103,7 @@ impl<T: PlanScalar> Meter<T> {
             {
                 plan.give(field, &of(numbers));
             }
-            let status = plan.run(model).status;
-            if status != Status::Ok {
-                return Err(status);
-            }
+            answered(plan.run(model).status)?;
             energy.residual += plan.get(Field::Residual).iter().map(|x| x.to_f64()).sum::<f64>();
             let (poses, twists) =
                 (back(plan.get(Field::FramePose)), back(plan.get(Field::FrameTwist)));

@@ -150,16 +150,16 @@ impl Engine {
     }
 
     /// ẋ at t and x; NaN, and noted, where it has no answer.
-    pub(crate) fn rate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
-        self.evaluate(t, x, rate).0
+    pub(crate) fn rate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Result<(), Status> {
+        self.evaluate(t, x, rate).map(|_| ())
     }
 
     /// As above, with whether it was computed in double-double.
-    fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> (Status, bool) {
+    fn evaluate(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Result<bool, Status> {
         self.counts.evaluations += 1;
         if !x.iter().all(|x| x.is_finite()) {
             rate.fill(f64::NAN);
-            return (self.note(Status::NonFiniteInput), false);
+            return self.note(Status::NonFiniteInput);
         }
         self.extrapolate(t, x);
         if !(self.may_be_precise && self.is_delicate) {
@@ -168,19 +168,16 @@ impl Engine {
             let fine = answer.status == Status::Ok
                 && !(self.may_be_precise && answer.warnings.contains(Warnings::ILL_CONDITIONED));
             if fine || answer.status == Status::NonFiniteInput {
-                return (self.note(answer.status), false);
+                return self.note(answer.status);
             }
         }
-        if self.may_be_precise {
-            let status = self.evaluate_precisely(t, x, rate);
-            if status == Status::Ok {
-                return (status, true);
-            }
+        if self.may_be_precise && self.evaluate_precisely(t, x, rate) == Status::Ok {
+            return Ok(true);
         }
         // a tangent may lead astray; the accepted pose itself does not
         let answer =
             self.rates.evaluate(&self.mechanism, t, x, (&self.anchor.q, &self.anchor.qd), rate);
-        (self.note(answer.status), false)
+        self.note(answer.status)
     }
 
     fn evaluate_precisely(&mut self, t: f64, x: &[f64], rate: &mut [f64]) -> Status {
@@ -199,11 +196,13 @@ impl Engine {
         status
     }
 
-    fn note(&mut self, status: Status) -> Status {
-        if status != Status::Ok {
-            (self.failure, self.last_failure) = (Some(status), Some(status));
+    /// The end of an evaluation in doubles: notes a failure.
+    fn note(&mut self, status: Status) -> Result<bool, Status> {
+        if status == Status::Ok {
+            return Ok(false);
         }
-        status
+        (self.failure, self.last_failure) = (Some(status), Some(status));
+        Err(status)
     }
 
     /// Why an evaluation failed since this was last asked.
@@ -213,15 +212,12 @@ impl Engine {
 
     /// Accepts a state: quaternions to unit length, ẋ, q and q̇ there; nothing changes where it has
     /// no answer.
-    pub(crate) fn settle(&mut self, t: f64, x: &mut [f64]) -> Status {
+    pub(crate) fn settle(&mut self, t: f64, x: &mut [f64]) -> Result<(), Status> {
         let n_qy = self.mechanism.sizes.n_qy;
         let mut settled = x.to_vec();
         self.mechanism.y.normalise(&mut settled[..n_qy]);
         let mut rate = vec![0.0; x.len()];
-        let (status, precisely) = self.evaluate(t, &settled, &mut rate);
-        if status != Status::Ok {
-            return status;
-        }
+        let precisely = self.evaluate(t, &settled, &mut rate)?;
         x.copy_from_slice(&settled);
         let anchor = &mut self.anchor;
         (anchor.t, anchor.rate) = (t, rate);
@@ -230,38 +226,35 @@ impl Engine {
             Some(precise) if precisely => anchor.take(&precise.rates),
             _ => anchor.take(&self.rates),
         }
-        status
+        Ok(())
     }
 
     /// Accepts `next` as the new state x at t; x stays where it has no answer.
-    pub(crate) fn accept(&mut self, t: f64, next: &mut [f64], x: &mut [f64]) -> Status {
-        let status = self.settle(t, next);
-        if status == Status::Ok {
-            x.copy_from_slice(next);
-        }
-        status
+    pub(crate) fn accept(&mut self, t: f64, next: &mut [f64], x: &mut [f64]) -> Result<(), Status> {
+        self.settle(t, next)?;
+        x.copy_from_slice(next);
+        Ok(())
     }
 
     /// ∂ẋ/∂x at t and x, row by row, by forward differences: an iteration matrix needs no more.
-    pub(crate) fn jacobian(&mut self, t: f64, x: &[f64], jacobian: &mut [f64]) -> Status {
+    pub(crate) fn jacobian(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), Status> {
         self.counts.jacobians += 1;
         let n = x.len();
         let (mut at, mut rate, mut moved) = (x.to_vec(), vec![0.0; n], vec![0.0; n]);
-        let status = self.rate(t, x, &mut rate);
-        if status != Status::Ok {
-            return status;
-        }
+        self.rate(t, x, &mut rate)?;
         for j in 0..n {
             at[j] += STEP * x[j].abs().max(STEP_FLOOR);
             let step = at[j] - x[j];
-            let status = self.rate(t, &at, &mut moved);
+            self.rate(t, &at, &mut moved)?;
             at[j] = x[j];
-            if status != Status::Ok {
-                return status;
-            }
             (0..n).for_each(|i| jacobian[i * n + j] = (moved[i] - rate[i]) / step);
         }
-        Status::Ok
+        Ok(())
     }
 
     /// The guess: the accepted pose moved along its tangent to the independents of x, or by the

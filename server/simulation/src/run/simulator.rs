@@ -82,17 +82,15 @@ impl<'a> Simulator<'a> {
         engine.may_be_precise = settings.precise;
         let mut x = [start.y, start.yd].concat();
         x.resize(engine.mechanism.n(), 0.0);
-        let mut status = engine.settle(0.0, &mut x);
+        let no_start = |status| SimulationError::Start { status, detail: 0.0 };
+        engine.settle(0.0, &mut x).map_err(no_start)?;
         // no spring is stretched
-        if status == Status::Ok && !elastic.is_empty() {
+        if !elastic.is_empty() {
             for (k, rotor) in engine.mechanism.effects.rotors.iter().enumerate() {
                 let at = engine.mechanism.rotor(k);
                 (x[at], x[at + 1]) = (engine.anchor.qd[rotor.v], engine.anchor.q[rotor.q]);
             }
-            status = engine.settle(0.0, &mut x);
-        }
-        if status != Status::Ok {
-            return Err(SimulationError::Start { status, detail: 0.0 });
+            engine.settle(0.0, &mut x).map_err(no_start)?;
         }
         Ok(Simulator {
             meter: Meter::new(&engine.compiled.model, &engine.description)?,
@@ -227,7 +225,7 @@ impl<'a> Simulator<'a> {
             let x = self.stepper.within(self.t, [&from.rate, &after.2.rate]);
             is_fine = x.is_some_and(|x| {
                 self.x = x;
-                self.engine.settle(self.t, &mut self.x) == Status::Ok
+                self.engine.settle(self.t, &mut self.x).is_ok()
             });
             if is_fine {
                 self.sample()?;

@@ -1,9 +1,9 @@
 //! Where a simulation starts.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, QueryOptions, Request};
 
 use crate::coordinates::{Coordinates, largest};
-use crate::error::{Outcome, SimulationError};
+use crate::error::{Outcome, SimulationError, answered};
 
 /// Change of a coordinate up to which a given pose counts as closed.
 const CLOSED: f64 = 1e-9;
@@ -79,11 +79,9 @@ fn closed_from_zero(model: &Model<f64>, y: &[f64]) -> Outcome<Vec<f64>> {
     let query = Query::new(Request::Kinematics, given, want);
     let mut planned = Planned::new(model, &query.with_options(QueryOptions::SEARCH))?;
     planned.give(Field::Y, y);
-    let status = planned.run(model).status;
-    match status {
-        Status::Ok => Ok(planned.get(Field::Q).to_vec()),
-        status => Err(SimulationError::Start { status, detail: 0.0 }),
-    }
+    answered(planned.run(model).status)
+        .map_err(|status| SimulationError::Start { status, detail: 0.0 })?;
+    Ok(planned.get(Field::Q).to_vec())
 }
 
 /// The closed state with the independents of a given one.
@@ -98,8 +96,7 @@ fn closed(model: &Model<f64>, q: &[f64], qd: &[f64], tree: &Coordinates) -> Outc
     let mut planned = Planned::new(model, &query)?;
     planned.give(Q, q);
     planned.give(Qd, qd);
-    let status = planned.run(model).status;
-    if status != Status::Ok {
+    if let Err(status) = answered(planned.run(model).status) {
         let residual = planned.get(Residual).iter().copied().find(|x| x.is_finite());
         return Err(SimulationError::Start { status, detail: residual.unwrap_or(0.0) });
     }

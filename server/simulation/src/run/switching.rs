@@ -169,10 +169,7 @@ fn with_independents(
     let mut state = [pick(&engine.anchor.q, &y), pick(&engine.anchor.qd, &yd)].concat();
     // the windings, the rotors behind springs and the work go on
     state.extend(&x[engine.mechanism.sizes.n_qy + engine.mechanism.sizes.n_vy..]);
-    let status = next.settle(engine.anchor.t, &mut state);
-    if status != Status::Ok {
-        return Err(status.to_string());
-    }
+    next.settle(engine.anchor.t, &mut state).map_err(|status| status.to_string())?;
     let distance = Watch::new(&next.compiled.model)
         .ok()
         .flatten()

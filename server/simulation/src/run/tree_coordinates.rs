@@ -1,12 +1,12 @@
 //! The loop over steps of the methods for comparison, in all tree coordinates.
 
-use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request, Status};
+use sarrus_dynamics::{Field, FieldSet, Model, Planned, Query, Request};
 
 use super::output::{End, Run, Sample};
 use super::settings::{Method, Settings, Stops};
 use super::setup::Setup;
 use super::start::Start;
-use crate::error::{Outcome, SimulationError};
+use crate::error::{Outcome, SimulationError, answered};
 use crate::methods::implicit_form::Form;
 use crate::motion::elastic;
 use crate::motion::energy::Meter;
@@ -38,7 +38,7 @@ pub(super) fn run(
         let mut sample = Sample::new(t, state, &declared, x.get(n_q + n_v));
         // ẋ here measures the drift of the loops and the forces that the springs hold
         let mut rate = vec![0.0; x.len()];
-        form.evaluate(t, x, &mut rate);
+        let _ = form.evaluate(t, x, &mut rate);
         let independents = [sample.y.as_slice(), &sample.yd];
         sample.energy = meter.measure(model, independents, state).unwrap_or_default();
         sample.energy.potential += form.stretched;
@@ -55,9 +55,9 @@ pub(super) fn run(
         let next_sample = settings.sample_after(sampled);
         let limit = stops.after(t, form.mechanism.next_kink(t).min(next_sample));
         let to = if t + 1.000_001 * step >= limit { limit } else { t + step };
-        let status = form.step(t, to, &mut x, settings.method == Method::Projection);
+        let stepped = form.step(t, to, &mut x, settings.method == Method::Projection);
         run.counts.evaluations += 4;
-        if status != Status::Ok {
+        if let Err(status) = stepped {
             run.counts.failed += 1;
             run.end = End::Failed(status);
             break;
@@ -91,10 +91,8 @@ fn closed(
     planned.give(Y, &checked.y);
     planned.give(Yd, &checked.yd);
     planned.give(QGuess, &checked.guess);
-    let status = planned.run(model).status;
-    if status != Status::Ok {
-        return Err(SimulationError::Start { status, detail: 0.0 });
-    }
+    answered(planned.run(model).status)
+        .map_err(|status| SimulationError::Start { status, detail: 0.0 })?;
     let mut x = [planned.get(Q), planned.get(Qd)].concat();
     x.extend(mechanism.works().then_some(0.0));
     Ok((x, checked.correction))

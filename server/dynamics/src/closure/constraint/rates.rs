@@ -61,7 +61,7 @@ impl<T: Real> Rate<T> {
             w: self.w,
             v: self.v.add_cross(self.w, *r),
             alpha: self.alpha,
-            a: self.a.add_cross(self.alpha, *r).add_cross(self.w, self.w.cross(*r)),
+            a: self.acceleration(*r),
         };
         match motion {
             Motion::Revolute => {
@@ -77,6 +77,12 @@ impl<T: Real> Rate<T> {
             Motion::Spherical | Motion::Floating => self.moved_freely(motion, R, qd, &mut x),
         }
         x
+    }
+
+    /// Acceleration of a point of the body that lies r from its origin.
+    #[inline(always)]
+    pub(in crate::closure) fn acceleration(&self, r: Vector3<T>) -> Vector3<T> {
+        self.a.add_cross(self.alpha, r).add_cross(self.w, self.w.cross(r))
     }
 
     #[inline(never)]

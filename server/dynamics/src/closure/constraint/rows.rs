@@ -21,22 +21,6 @@ use crate::mechanism::{Body, Cluster, Cut, CutRow, Dof, Motion, Screw, joint_pos
 use crate::scalar::{Real, Triple};
 use crate::spatial::{Matrix, Pose, zero};
 
-/// Sines, cosines and pose of one local body from its coordinates.
-#[inline]
-pub(in crate::closure) fn refresh<T: Real>(
-    cluster: &Cluster<T>,
-    bodies: &[Body<T>],
-    j: usize,
-    q: &[T],
-    cos_sin: &mut [(T, T)],
-    pose: &mut [Pose<T>],
-) {
-    if bodies[j].motion == Motion::Revolute {
-        cos_sin[j] = cos_sin_of(q[bodies[j].q - cluster.q]);
-    }
-    place(cluster, bodies, j, q, cos_sin, pose);
-}
-
 /// (cos x, sin x).
 #[inline(always)]
 pub(in crate::closure) fn cos_sin_of<T: Real>(x: T) -> (T, T) {
@@ -194,20 +178,14 @@ impl<'a, T: Real> CutState<'a, T> {
     ) -> (Vector3<T>, Vector3<T>) {
         let s = &rate[cut.successor];
         let p = &rate[cut.predecessor];
+        let arm = |body: usize| self.point - pose[body].p;
         if ball {
-            let at =
-                |x: &Rate<T>, r: Vector3<T>| x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r));
-            return (
-                at(s, self.point - pose[cut.successor].p)
-                    - at(p, self.point - pose[cut.predecessor].p),
-                zero(),
-            );
+            let a_s = s.acceleration(arm(cut.successor));
+            return (a_s - p.acceleration(arm(cut.predecessor)), zero());
         }
-        let at = |x: &Rate<T>, r: Vector3<T>| {
-            (x.v.add_cross(x.w, r), x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r)))
-        };
-        let (v_s, a_s) = at(s, self.point - pose[cut.successor].p);
-        let (v_p, a_p) = at(p, self.point - pose[cut.predecessor].p);
+        let at = |x: &Rate<T>, r: Vector3<T>| (x.v.add_cross(x.w, r), x.acceleration(r));
+        let (v_s, a_s) = at(s, arm(cut.successor));
+        let (v_p, a_p) = at(p, arm(cut.predecessor));
         // v_p, a_p: of the predecessor's point that coincides with S
         let relative = a_s - a_p - p.w.cross(v_s - v_p) * T::from_f64(2.0);
         let x = self.R_p.apply_transposed(relative);
@@ -454,6 +432,9 @@ pub(crate) fn local_poses<T: Real>(
 ) {
     pose[0] = Pose::identity();
     for j in 0..cluster.n {
-        refresh(cluster, bodies, j, q, cos_sin, pose);
+        if bodies[j].motion == Motion::Revolute {
+            cos_sin[j] = cos_sin_of(q[bodies[j].q - cluster.q]);
+        }
+        place(cluster, bodies, j, q, cos_sin, pose);
     }
 }

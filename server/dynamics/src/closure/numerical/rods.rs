@@ -126,8 +126,7 @@ impl<T: Real> Rod<T> {
         let of = |body: usize, point: Vector3<T>| {
             let x = &rate[body];
             let r = point - pose[body].p;
-            let v = x.v.add_cross(x.w, r);
-            (v, x.a.add_cross(x.alpha, r).add_cross(x.w, x.w.cross(r)))
+            (x.v.add_cross(x.w, r), x.acceleration(r))
         };
         let (v_ball, a_ball) = of(self.bodies[1], at.ball);
         let (v_center, a_center) = of(self.bodies[0], at.ball - at.d);

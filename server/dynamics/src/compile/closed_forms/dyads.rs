@@ -9,7 +9,7 @@ use crate::compile::closed_forms::loops::pin_in_plane;
 use crate::compile::closed_forms::planar::{
     DEGENERATE, Plane, inner, minus, outer, size, two_links,
 };
-use crate::compile::closed_forms::{Deviation, Reading, Subject, sign};
+use crate::compile::closed_forms::{Deviation, Reading, sign};
 use crate::compile::geometry::{axis, norm, onto_z};
 use crate::mechanism::Motion;
 use crate::scalar::{Dd, Real, Triple};
@@ -61,7 +61,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<(Dyads<Dd>, Vec<Deviation>), Stri
             true => ("axis not parallel to the others", norm(&along.cross(n)), None),
             false => ("slider not in the plane, axis", along.dot(n).abs(), Some(plane(&along))),
         };
-        deviations.push((what.into(), Subject::Joint(j), off.to_f64()));
+        deviations.push((what, Some(j), off.to_f64()));
         senses.push(sign(along.dot(n)));
         edges.push(Edge { joint: Some(j), links: [*parent, j + 1], point: plane(&pose.p), guide });
     }

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{FEW_STEPS, Mover, Rod, Rods, Universal, screw};
-use crate::compile::closed_forms::{Deviation, Reading, Subject, is_ball, platform, sign};
+use crate::compile::closed_forms::{Deviation, Reading, is_ball, platform, sign};
 use crate::compile::geometry::{axis, norm, unit};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
@@ -179,11 +179,11 @@ fn rod(
         let apart = at.distance.abs().to_f64() / cluster.length;
         (at, "axis that does not cross the one before it, axis", apart)
     };
-    deviations.push((what.into(), Subject::Joint(second), apart));
+    deviations.push((what, Some(second), apart));
     if let Some(spin) = spin {
         let on = &of.zero[spin + 1];
         let apart = norm(&(pin - on.p).cross(axis(on))).to_f64() / cluster.length;
-        deviations.push(("ball beside the axis of".into(), Subject::Joint(spin), apart));
+        deviations.push(("ball beside the axis of", Some(spin), apart));
     }
     let r: Vector3<Dd> = pin - at.center;
     let rod: Vector3<Dd> = at.axes.apply_transposed(r);

@@ -2,10 +2,11 @@
 
 use nalgebra::Vector3;
 
-use crate::compile::closed_forms::{Deviation, Reading, Subject};
+use crate::compile::closed_forms::{Deviation, Reading, sign};
 use crate::compile::geometry::{axis, direction, norm, unit};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
+use crate::spatial::zero;
 
 /// One joint of a ring.
 #[derive(Clone)]
@@ -21,43 +22,19 @@ pub(super) struct Ring {
 }
 
 /// The joints on the path from the predecessor's and the successor's common parent to the cut and
-/// back.
+/// back, each of one freedom; of a coupling the cut alone.
 pub(super) fn ring(of: &Reading<'_>, cut: &Cut<Dd>) -> Vec<Ring> {
-    let up = |mut body: usize| {
-        let mut joints = Vec::new();
-        while body != 0 {
-            joints.push(body - 1);
-            body = of.cluster.local_parent[body - 1];
-        }
-        joints
-    };
-    let mut p = up(cut.predecessor);
-    let mut s = up(cut.successor);
-    while p.last().is_some() && p.last() == s.last() {
-        p.pop();
-        s.pop();
-    }
-    let member = |j: usize, direction: Dd| {
+    let path = if cut.is_coupling() { &[] } else { &cut.path[..] };
+    let (p, s) = path.split_at(path.partition_point(|(_, on_successor)| !on_successor));
+    let member = |&(j, on_successor): &(usize, bool)| {
         let pose = &of.zero[j + 1];
-        Ring {
-            joint: Some(j),
-            slides: of.bodies[j].motion == Motion::Prismatic,
-            point: pose.p,
-            axis: axis(pose),
-            direction,
-        }
+        let slides = of.bodies[j].motion == Motion::Prismatic;
+        let direction = if on_successor { -Dd::ONE } else { Dd::ONE };
+        Ring { joint: Some(j), slides, point: pose.p, axis: axis(pose), direction }
     };
     let point = of.zero[cut.predecessor].point(&cut.x_p_cut.p);
-    let mut ring: Vec<Ring> = p.iter().rev().map(|j| member(*j, Dd::ONE)).collect();
-    ring.push(Ring {
-        joint: None,
-        slides: false,
-        point,
-        axis: crate::spatial::zero(),
-        direction: Dd::ONE,
-    });
-    ring.extend(s.iter().map(|j| member(*j, -Dd::ONE)));
-    ring
+    let cut = Ring { joint: None, slides: false, point, axis: zero(), direction: Dd::ONE };
+    p.iter().rev().map(member).chain([cut]).chain(s.iter().map(member)).collect()
 }
 
 /// Rotates a ring to begin with a joint.
@@ -88,21 +65,14 @@ pub(super) fn senses(ring: &[Ring], n: &Vector3<Dd>, deviations: &mut Vec<Deviat
             sense.push(member.direction);
             continue;
         };
+        let along = member.axis.dot(*n);
         if member.slides {
-            deviations.push((
-                "slider not in the plane, axis".into(),
-                Subject::Joint(j),
-                member.axis.dot(*n).abs().to_f64(),
-            ));
+            deviations.push(("slider not in the plane, axis", Some(j), along.abs().to_f64()));
             sense.push(member.direction);
         } else {
             let off = norm(&member.axis.cross(*n)).to_f64();
-            deviations.push((
-                "axis not parallel to the others of its loop, axis".into(),
-                Subject::Joint(j),
-                off,
-            ));
-            sense.push(member.direction * super::sign(member.axis.dot(*n)));
+            deviations.push(("axis not parallel to the others of its loop, axis", Some(j), off));
+            sense.push(member.direction * sign(along));
         }
     }
     sense
@@ -141,6 +111,6 @@ pub(super) fn pin_in_plane(
     if spans < 1e-3 {
         return Err("loop does not tie both directions of its plane".into());
     }
-    deviations.push(("a constraint axis of the loop not in the plane".into(), Subject::Loop, off));
+    deviations.push(("a constraint axis of the loop not in the plane", None, off));
     Ok(())
 }

@@ -25,27 +25,22 @@ pub(super) struct Form {
     deviations: Vec<Deviation>,
 }
 
-/// An assumption, its subject, and its error relative to the mechanism's size.
-type Deviation = (String, Subject, f64);
+/// An assumption, its joint if it is not about a loop, and its error relative to the mechanism's
+/// size.
+type Deviation = (&'static str, Option<usize>, f64);
 
 /// The largest of them.
 fn size(deviations: &[Deviation]) -> f64 {
     deviations.iter().fold(0.0, |worst, (_, _, size)| f64::max(worst, *size))
 }
 
-/// Subject of an assumption.
-enum Subject {
-    Joint(usize),
-    Loop,
-}
-
 impl Form {
     /// The worst deviation and its subject; `names` has a name for each local body.
     pub(super) fn misfit(&self, names: &[String]) -> (String, f64) {
         let worst = self.deviations.iter().max_by(|a, b| a.2.total_cmp(&b.2));
-        worst.map_or((String::new(), 0.0), |(what, subject, size)| match subject {
-            Subject::Joint(j) => (format!("{what} of {}", names[*j]), *size),
-            Subject::Loop => (what.clone(), *size),
+        worst.map_or((String::new(), 0.0), |(what, joint, size)| match joint {
+            Some(j) => (format!("{what} of {}", names[*j]), *size),
+            None => ((*what).to_owned(), *size),
         })
     }
 
@@ -103,7 +98,7 @@ pub(super) fn build(
         _ => return None,
     };
     if let Ok(form) = &mut form {
-        form.deviations.push(("a loop that is open at zero".into(), Subject::Loop, of.open(zero)));
+        form.deviations.push(("a loop that is open at zero", None, of.open(zero)));
     }
     Some(form)
 }

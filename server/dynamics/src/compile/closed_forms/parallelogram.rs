@@ -3,7 +3,7 @@
 
 use crate::closure::Closure;
 use crate::compile::closed_forms::loops::{pin_in_plane, ring, senses};
-use crate::compile::closed_forms::{Form, Reading, Subject};
+use crate::compile::closed_forms::{Form, Reading};
 use crate::compile::couplings::{Relation, solve};
 use crate::compile::geometry::norm;
 use crate::scalar::{Dd, Real, Triple};
@@ -40,11 +40,7 @@ pub(super) fn read(of: &Reading<'_>) -> Result<Form, String> {
         let in_plane = apart.add_scaled(n, -n.dot(apart));
         let sides = [side(0, 1), side(1, 2)].map(|x| norm(&x).to_f64());
         let off = norm(&in_plane).to_f64() / f64::max(sides[0], sides[1]);
-        deviations.push((
-            "a loop that is no parallelogram: opposite sides differ".into(),
-            Subject::Loop,
-            off,
-        ));
+        deviations.push(("a loop that is no parallelogram: opposite sides differ", None, off));
 
         // the links on both sides of two joints that follow one another turn as one
         for k in [0, 1] {

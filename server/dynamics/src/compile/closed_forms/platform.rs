@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::closure::{Arm, Closure, Leg, Platform, Strut};
-use crate::compile::closed_forms::{Deviation, Form, Reading, Subject, is_ball, sign, ties};
+use crate::compile::closed_forms::{Deviation, Form, Reading, is_ball, sign, ties};
 use crate::compile::geometry::{axis, direction, unit};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
@@ -90,11 +90,8 @@ pub(super) fn universal(
     let Y = unit(&a2.add_scaled(a1, -a1.dot(a2))).ok_or("universal joint has parallel axes")?;
     let axes = Matrix3::from_columns(&[a1, Y, a1.cross(Y)]);
     let skew = a1.dot(a2);
-    deviations.push((
-        "axis not perpendicular to the one before it, axis".into(),
-        Subject::Joint(j2),
-        skew.abs().to_f64(),
-    ));
+    let off = skew.abs().to_f64();
+    deviations.push(("axis not perpendicular to the one before it, axis", Some(j2), off));
 
     // where the axes are nearest to each other, and how far apart
     let p1 = of.zero[j1 + 1].p;
@@ -125,17 +122,12 @@ fn strut(
     let apart = offsets && tilt < gap;
     if apart {
         deviations.push((
-            "slider not perpendicular to the axis before it, which does not cross the first, axis"
-                .into(),
-            Subject::Joint(j3),
+            "slider not perpendicular to the axis before it, which does not cross the first, axis",
+            Some(j3),
             tilt,
         ));
     } else {
-        deviations.push((
-            "axis that does not cross the one before it, axis".into(),
-            Subject::Joint(j2),
-            gap,
-        ));
+        deviations.push(("axis that does not cross the one before it, axis", Some(j2), gap));
     }
     let distance = if apart { distance } else { Dd::ZERO };
     let v = axes.apply_transposed(point - center);
@@ -182,11 +174,8 @@ fn arm(
     let normal = unit(&direction(x_arm, &direction(&plane.x_p_cut, &row.linear)))
         .ok_or("constraint axis has no direction")?;
     let off = normal.dot(n);
-    deviations.push((
-        "constraint axis not perpendicular to axis".into(),
-        Subject::Joint(j),
-        off.abs().to_f64(),
-    ));
+    let what = "constraint axis not perpendicular to axis";
+    deviations.push((what, Some(j), off.abs().to_f64()));
     let m = unit(&normal.add_scaled(n, -off)).ok_or("constraint axis lies along the arm's axis")?;
     let axes = Matrix3::from_columns(&[m.cross(n), m, n]);
     let center = of.zero[0].point(&plane.x_s_cut.p);

@@ -4,9 +4,7 @@
 use nalgebra::Matrix3;
 
 use crate::closure::{Closure, Platform, RodLeg, Rrpr, Universal};
-use crate::compile::closed_forms::{
-    Deviation, Form, Reading, Subject, is_ball, planar, platform, sign,
-};
+use crate::compile::closed_forms::{Deviation, Form, Reading, is_ball, planar, platform, sign};
 use crate::compile::geometry::{axis, norm, unit};
 use crate::mechanism::{Cut, Motion};
 use crate::scalar::{Dd, Real, Triple};
@@ -124,11 +122,8 @@ fn rod(
     let size = of.cluster.length;
     let &Joints { crank, universal, on_crank, platform, depth } = joints;
     let universal_joint = platform::universal(of, universal, deviations)?;
-    deviations.push((
-        "axis that does not cross the one before it, axis".into(),
-        Subject::Joint(universal[1]),
-        universal_joint.distance.abs().to_f64() / size,
-    ));
+    let gap = universal_joint.distance.abs().to_f64() / size;
+    deviations.push(("axis that does not cross the one before it, axis", Some(universal[1]), gap));
 
     // the rod's ends, and the crank's axes with X towards its own
     let ball = of.zero[cut.predecessor].point(&cut.x_p_cut.p);

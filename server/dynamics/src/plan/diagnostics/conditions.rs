@@ -21,25 +21,15 @@ use crate::workspace::Workspace;
 /// reaction; the same bound decides rank at load.
 const SHARED: f64 = 1e-4;
 
-/// Residual, condition numbers and distance to singularity of a closed state.
-#[derive(Clone, Copy)]
-pub(in crate::plan) struct Conditions<T> {
-    pub(in crate::plan) residual: T,
-    pub(in crate::plan) cond_Kd: T,
-    pub(in crate::plan) cond_Gu: T,
-    pub(in crate::plan) sigma_min: T,
-    pub(in crate::plan) cond_My: T,
-}
-
 impl Plan {
-    /// Evaluates the rows of every closed cluster at the closed state; writes K, k and λ straight
-    /// to the output.
-    pub(in crate::plan) fn conditions<T: Real>(
+    /// Evaluates the rows of every closed cluster at the closed state; writes K, k, λ, residual,
+    /// condition numbers and distance to singularity.
+    pub(in crate::plan) fn write_conditions<T: Real>(
         &self,
         model: &Model<T>,
         ws: &mut Workspace<T>,
         output: &mut [T],
-    ) -> Result<Conditions<T>, Status> {
+    ) -> Result<(), Status> {
         let slot = |field| self.want().slot(field).map(|slot| slot.range());
         if let Some(range) = slot(Field::K) {
             output[range].fill(T::ZERO);
@@ -90,13 +80,17 @@ impl Plan {
         if let Some(range) = slot(Field::Uncontrolled) {
             singular::uncontrolled(model, ws, model.closed_clusters.len(), &mut output[range]);
         }
-        Ok(Conditions {
-            residual,
-            cond_Kd: unscaled.ratio(),
-            sigma_min: if model.closed_clusters.is_empty() { T::ONE } else { scaled.least },
-            cond_Gu: if self.wants(Field::CondGu) { cond_Gu(model, ws) } else { T::ONE },
-            cond_My: if self.wants(Field::CondMy) { cond_My(model, ws) } else { T::ONE },
-        })
+        let sigma_min = if model.closed_clusters.is_empty() { T::ONE } else { scaled.least };
+        self.write_figure(Field::Residual, residual, output);
+        self.write_figure(Field::CondKd, unscaled.ratio(), output);
+        self.write_figure(Field::SigmaMin, sigma_min, output);
+        if self.wants(Field::CondGu) {
+            self.write_figure(Field::CondGu, cond_Gu(model, ws), output);
+        }
+        if self.wants(Field::CondMy) {
+            self.write_figure(Field::CondMy, cond_My(model, ws), output);
+        }
+        Ok(())
     }
 
     /// Writes K and k of one cluster to the output.

@@ -9,11 +9,11 @@ use sarrus_proto::{
     Answer, Field, FieldSet, Query, QueryError, Request, Slot, Status, TaskParts, Warnings,
 };
 
-use crate::linalg::{Optimum, solve_sound};
+use crate::linalg::{Optimum, dot, solve_sound};
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::plan::task::Tasks;
-use crate::plan::task::step::{inner, normal, solve};
+use crate::plan::task::step::{normal, solve};
 use crate::scalar::{Real, all_finite};
 use crate::workspace::{Search, TASK_ROWS, Workspace};
 
@@ -506,7 +506,7 @@ impl Program<'_> {
         row_lower.copy_within(N..N + dense, N + first);
         row_upper.copy_within(N..N + dense, N + first);
         for i in 0..first {
-            let at = inner(&rows[(from + i) * N..][..N], step);
+            let at = dot(&rows[(from + i) * N..][..N], step);
             [row_lower[N + i], row_upper[N + i]] = [at, at];
         }
         self.set_level(search, 1);
@@ -534,7 +534,7 @@ impl Program<'_> {
             let even = self.motion.even.iter().flat_map(|of| &of.u);
             for (row, (u, _)) in (shape.actuators..shape.dense).zip(even) {
                 let row = &search.rows[(TASK_ROWS + row) * N..][..N];
-                out[*u] = (inner(row, x) + search.constant[*u]).plus_zero();
+                out[*u] = (dot(row, x) + search.constant[*u]).plus_zero();
             }
             let uneven = self.motion.uneven.iter().flat_map(|of| &of.u);
             for (x, (u, _)) in x[self.motion.forces..].iter().zip(uneven) {
@@ -551,7 +551,7 @@ impl Program<'_> {
         }
         if let Some(range) = slot(Field::TaskResidual) {
             let out = &mut output[range];
-            let off = |(line, wanted): (&[f64], f64)| (inner(line, x) - wanted).powi(2);
+            let off = |(line, wanted): (&[f64], f64)| (dot(line, x) - wanted).powi(2);
             for (k, parts) in self.free(0).chain(self.free(1)) {
                 let of = |rows: core::ops::Range<usize>| {
                     let asked = rows_of(parts).filter(|row| rows.contains(row));

@@ -410,8 +410,8 @@ impl Way<'_> {
         let status = match found {
             Ok(status @ (Status::Ok | Status::NotReached)) => {
                 match plan.write(self.model, ws, report, self.input, output) {
-                    Status::Ok => status,
-                    failed => failed,
+                    Ok(()) => status,
+                    Err(failed) => failed,
                 }
             }
             Ok(status) | Err(status) => status,

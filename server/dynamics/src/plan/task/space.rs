@@ -5,7 +5,7 @@
 use sarrus_proto::{Field, Slot, Status};
 
 use crate::algorithms;
-use crate::linalg::{column_square, decompose, factorise_tree, solve_tree};
+use crate::linalg::{column_square, decompose, dot, factorise_tree, solve_tree};
 use crate::model::Model;
 use crate::plan::Plan;
 use crate::plan::run::RunReport;
@@ -27,7 +27,7 @@ impl Plan {
         ws: &mut Workspace<T>,
         report: &mut RunReport<T>,
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let n = model.sizes().n_vy;
         let rows = 6 * self.frames.len();
         let mut scratch = core::mem::take(&mut ws.task);
@@ -36,9 +36,9 @@ impl Plan {
         let (A, rest) = rest.split_at_mut(rows * rows);
         let (V, rest) = rest.split_at_mut(rows * rows);
         let (b, force) = rest.split_at_mut(rows);
-        let status = self.task_space(model, ws, report, [J, X, A, V], [b, force], output);
+        let written = self.task_space(model, ws, report, [J, X, A, V], [b, force], output);
         ws.task = scratch;
-        status
+        written
     }
 
     fn task_space<T: Real>(
@@ -49,14 +49,14 @@ impl Plan {
         [J, X, A, V]: [&mut [T]; 4],
         [b, force]: [&mut [T]; 2],
         output: &mut [T],
-    ) -> Status {
+    ) -> Result<(), Status> {
         let n = model.sizes().n_vy;
         let rows = 6 * self.frames.len();
 
         // X = J M_y⁻¹
         ws.factor.copy_from_slice(&ws.M_y);
         if !factorise_tree(&model.sparsity, &mut ws.factor) {
-            return Status::MassNotPositive;
+            return Err(Status::MassNotPositive);
         }
         for (link, J) in self.frames.iter().zip(J.chunks_exact_mut((6 * n).max(1))) {
             let frame = &model.frames[*link];
@@ -113,7 +113,7 @@ impl Plan {
         b.fill(T::ZERO);
         add_product(X, &ws.C_y, n, b);
         write(Field::TaskGravity, b, output);
-        Status::Ok
+        Ok(())
     }
 
     /// J M_y⁻¹ Jᵀ = V Σ Vᵀ, with Σ⁺ in the first row of A; writes Λ and the rank.
@@ -127,7 +127,7 @@ impl Plan {
         let n = J.len() / rows.max(1);
         for i in 0..rows {
             for k in 0..rows {
-                A[i * rows + k] = inner(&X[i * n..(i + 1) * n], &J[k * n..(k + 1) * n]);
+                A[i * rows + k] = dot(&X[i * n..(i + 1) * n], &J[k * n..(k + 1) * n]);
             }
         }
         decompose(A, V, rows, rows);
@@ -171,11 +171,7 @@ impl Plan {
     }
 }
 
-fn inner<T: Real>(a: &[T], b: &[T]) -> T {
-    a.iter().zip(b).fold(T::ZERO, |sum, (a, b)| a.mul_add(*b, sum))
-}
-
 /// b += X x.
 fn add_product<T: Real>(X: &[T], x: &[T], n: usize, b: &mut [T]) {
-    X.chunks_exact(n.max(1)).zip(b).for_each(|(row, b)| *b += inner(row, x));
+    X.chunks_exact(n.max(1)).zip(b).for_each(|(row, b)| *b += dot(row, x));
 }

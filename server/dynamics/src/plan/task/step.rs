@@ -4,7 +4,7 @@ use sarrus_proto::{Status, TaskParts};
 
 use crate::algorithms::Links;
 use crate::closure::Level;
-use crate::linalg::{Optimum, Rows};
+use crate::linalg::{Optimum, Rows, dot};
 use crate::plan::task::pose::{Way, Worth, parts_of, sigma_of};
 use crate::workspace::{Search, TASK_ROWS, Workspace};
 
@@ -256,7 +256,7 @@ impl Way<'_> {
         }
         for i in 0..equal {
             let row = &rows[(TASK_ROWS - equal + i) * n..][..n];
-            let at = inner(row, &step[..n]);
+            let at = dot(row, &step[..n]);
             (row_lower[n + i], row_upper[n + i]) = (at, at);
         }
         for (i, [below, above]) in limits[..linear.limits].iter().enumerate() {
@@ -328,8 +328,4 @@ pub(super) fn normal(J: &[f64], H: &mut [f64], n: usize) {
             H[a * n..=a * n + a].iter_mut().zip(row).for_each(|(h, y)| *h = x.mul_add(*y, *h));
         }
     }
-}
-
-pub(super) fn inner(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).fold(0.0, |sum, (a, b)| f64::mul_add(*a, *b, sum))
 }

@@ -151,8 +151,7 @@ impl Radau {
         for k in 1..=NEWTON {
             for s in 0..3 {
                 (0..n).for_each(|i| self.at[i] = x[i] + self.z[s][i]);
-                let status = engine.rate(t + C[s] * step, &self.at, &mut self.f[s]);
-                if status != Status::Ok {
+                if let Err(status) = engine.rate(t + C[s] * step, &self.at, &mut self.f[s]) {
                     return Newton::NoAnswer(status);
                 }
             }
@@ -228,7 +227,7 @@ impl Radau {
         let mut size = norm(error.as_slice(), scale);
         if size >= 1.0 && (self.last.is_none() || self.rejected) {
             (0..n).for_each(|i| self.at[i] = x[i] + error[i]);
-            if engine.rate(t, &self.at, &mut self.f[0]) == Status::Ok {
+            if engine.rate(t, &self.at, &mut self.f[0]).is_ok() {
                 let mut again = DVector::from_fn(n, |i, _| self.f[0][i] + defect[i]);
                 real.solve_mut(&mut again).then_some(())?;
                 size = norm(again.as_slice(), scale);
@@ -286,8 +285,7 @@ impl Stepper for Radau {
         if !self.good {
             self.jacobian.resize(n * n, 0.0);
             self.factors = None;
-            let status = engine.jacobian(*t, x, &mut self.jacobian);
-            if status != Status::Ok {
+            if let Err(status) = engine.jacobian(*t, x, &mut self.jacobian) {
                 return Attempt::Failed(status);
             }
             (self.fresh, self.good) = (true, true);
@@ -316,8 +314,7 @@ impl Stepper for Radau {
         }
         let to = if step == room { limit } else { *t + step };
         let mut next: Vec<f64> = (0..n).map(|i| x[i] + self.z[2][i]).collect();
-        let status = engine.settle(to, &mut next);
-        if status != Status::Ok {
+        if let Err(status) = engine.settle(to, &mut next) {
             return self.no_answer(engine, step, status);
         }
         if let Some((before, old)) = self.last {
