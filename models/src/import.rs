@@ -2,15 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use sarrus_dynamics::description::{Description, Joint, JointKind, Limits, Link};
+
 use crate::assembly::assemble_contents;
 use crate::assembly_report::AssemblyReport;
 use crate::contents::Contents;
 use crate::error::{LoadError, Outcome};
 use crate::load::{Loaded, Options, load_contents, urdf_alone};
 use crate::mjcf::{self, Converted};
-use crate::report::{Diagnostics, Report, Span};
+use crate::report::{Diagnostics, Report, Span, quoted};
 use crate::suggest::suggest_for;
-use crate::{gepetto, sdf, text};
+use crate::{build, export, gepetto, sdf, text};
 
 /// Converts a file, of the given path and contents; `None` after an error.
 type Converter =
@@ -154,12 +156,14 @@ fn converted(
     let yaml = |text: String| Some((format!("{name}.yml"), text.into_bytes()));
     let suggested = |contents: &mut Contents, diagnostics: &mut Diagnostics| {
         let mut found = suggest_for(contents.clone(), options, !is_driven).ok()?;
-        if let Some([names, urdf, submechanisms]) = found.split.take() {
-            let text = format!("a loop holds a free joint in part: {names}");
+        if let Some((robot, split)) = found.split.take() {
+            let names: Vec<_> = split.iter().map(|j| quoted(&robot.joints[*j].name)).collect();
+            let text = format!("a loop holds a free joint in part: {}", names.join(", "));
             let help = "it becomes three slides, named with /x, /y and /z, and a ball";
             diagnostics.note(Span::start(0), text, help);
-            contents.urdf.1 = urdf.into_bytes();
-            contents.submechanisms = yaml(submechanisms);
+            let robot = split.into_iter().fold(robot, with_slides);
+            contents.urdf.1 = export::urdf::text(&robot).into_bytes();
+            contents.submechanisms = yaml(export::yaml::text(&robot));
             found = suggest_for(contents.clone(), options, !is_driven).ok()?;
         }
         contents.submechanisms = yaml(found.yaml);
@@ -186,6 +190,33 @@ fn converted(
     let keyframe =
         pose.and_then(|(key, pose)| Some((key, closed(&contents, options, Some(&pose))?)));
     Some(Made { name, contents, residual, keyframe })
+}
+
+/// A robot with three slides, along the axes of a free joint, and a ball in its place.
+fn with_slides(mut robot: Description, joint: usize) -> Description {
+    let Joint { name, mut parent, mut origin, .. } = robot.joints[joint].clone();
+    let mut slides = Vec::new();
+    for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        let name = format!("{name}/{axis}");
+        robot.links.push(Link { name: name.clone(), inertial: None });
+        let child = robot.links.len() - 1;
+        let kind = JointKind::Prismatic;
+        let mut slide = build::joint(name, kind, std::mem::take(&mut origin), [parent, child]);
+        slide.axis = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+        let [lower, upper] = [f64::NEG_INFINITY, f64::INFINITY];
+        slide.limits = Some(Limits { lower, upper, velocity: upper, effort: upper });
+        slides.push(robot.joints.len());
+        robot.joints.push(slide);
+        parent = child;
+    }
+    let ball = &mut robot.joints[joint];
+    (ball.kind, ball.parent, ball.origin) = (JointKind::Spherical, parent, origin);
+    let owners = robot.submechanisms.iter_mut().map(|of| &mut of.spanning_tree);
+    for tree in owners.filter(|tree| tree.contains(&joint)) {
+        let at = tree.iter().position(|of| *of == joint).unwrap_or(0);
+        tree.splice(at..at, slides.clone());
+    }
+    robot
 }
 
 /// The closed pose near one that is given by name, or near the zero pose; `None` of faulty files.

@@ -6,9 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use sarrus_dynamics::description::{
-    Description, Joint, JointKind, Limits, Link, Submechanism, SubmechanismKind,
-};
+use sarrus_dynamics::description::{Description, Joint, JointKind, Submechanism, SubmechanismKind};
 use sarrus_dynamics::{
     CLOSED_FORMS, ClosureKind, Diagnostic, Model, fitting_types, joint_orders, suggest_independents,
 };
@@ -16,25 +14,24 @@ use sarrus_dynamics::{
 use crate::build;
 use crate::contents::Contents;
 use crate::error::{LoadError, Outcome};
-use crate::export;
 use crate::load::{Options, load_contents, urdf_alone};
 use crate::open::open_contents;
-use crate::report::{Diagnostics, Report, quoted};
+use crate::report::{Diagnostics, Report};
 use crate::submechanisms::kind::{KNOWN, Known, freedoms};
 use crate::submechanisms::kind_named;
 use crate::urdf::Urdf;
 use crate::yaml::{self, Node, Value};
 
 /// A submechanism file, and the faults that the robot still has with it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Suggestion {
     /// The file.
     pub yaml: String,
     /// The report of `check` on the robot with this file; no error if it is ready to use.
     pub report: Report,
-    /// Free joints that are independent in part; URDF and submechanisms with others in their place.
-    pub(crate) split: Option<[String; 3]>,
+    /// The robot, and its free joints that are independent in part.
+    pub(crate) split: Option<(Description, Vec<usize>)>,
 }
 
 /// One submechanism of the new file.
@@ -144,40 +141,8 @@ pub(crate) fn suggest_for(
     let mut suggestion = files.suggestion(&drafts, &idle)?;
     let is_free = |j: &usize| description.joints[*j].kind == JointKind::Floating;
     let split: Vec<usize> = found.split.into_iter().filter(is_free).collect();
-    let names: Vec<_> = split.iter().map(|j| quoted(&description.joints[*j].name)).collect();
-    if !split.is_empty() {
-        let robot = split.into_iter().fold(description, with_slides);
-        let urdf = export::urdf::text(&robot);
-        suggestion.split = Some([names.join(", "), urdf, export::yaml::text(&robot)]);
-    }
+    suggestion.split = (!split.is_empty()).then_some((description, split));
     Ok(suggestion)
-}
-
-/// A robot with three slides, along the axes of a free joint, and a ball in its place.
-fn with_slides(mut robot: Description, joint: usize) -> Description {
-    let Joint { name, mut parent, mut origin, .. } = robot.joints[joint].clone();
-    let mut slides = Vec::new();
-    for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
-        let name = format!("{name}/{axis}");
-        robot.links.push(Link { name: name.clone(), inertial: None });
-        let child = robot.links.len() - 1;
-        let kind = JointKind::Prismatic;
-        let mut slide = build::joint(name, kind, std::mem::take(&mut origin), [parent, child]);
-        slide.axis = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-        let [lower, upper] = [f64::NEG_INFINITY, f64::INFINITY];
-        slide.limits = Some(Limits { lower, upper, velocity: upper, effort: upper });
-        slides.push(robot.joints.len());
-        robot.joints.push(slide);
-        parent = child;
-    }
-    let ball = &mut robot.joints[joint];
-    (ball.kind, ball.parent, ball.origin) = (JointKind::Spherical, parent, origin);
-    let owners = robot.submechanisms.iter_mut().map(|of| &mut of.spanning_tree);
-    for tree in owners.filter(|tree| tree.contains(&joint)) {
-        let at = tree.iter().position(|of| *of == joint).unwrap_or(0);
-        tree.splice(at..at, slides.clone());
-    }
-    robot
 }
 
 fn compiles(description: &Description) -> bool {
