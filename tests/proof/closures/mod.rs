@@ -7,6 +7,7 @@ mod drawn;
 mod dyads;
 mod known;
 mod rods;
+mod steps;
 mod winding;
 
 use sarrus_dynamics::description::{Description, SubmechanismKind};
@@ -118,6 +119,66 @@ fn share<T: PlanScalar>(
         worst = worst.max(share);
     }
     worst
+}
+
+/// Compares forms of mechanisms, which `is_of` looks at, with Newton's method on all of their rows:
+/// the numbers of mechanisms, states, states in double-double, and states that one of both alone
+/// closes.
+fn compared(
+    seeds: u64,
+    draft: impl Fn(u64, bool) -> Draft,
+    is_of: impl Fn(&Compiled) -> bool,
+) -> [usize; 4] {
+    let mut worst = [0.0_f64; 2];
+    let mut count = [0; 4];
+    for seed in 0..seeds {
+        let straight = seed % 6 == 0;
+        let draft = draft(seed, straight);
+        let Ok(form) = Model::compile(&draft.description()) else { continue };
+        let newton = numerical(&draft.description());
+        if !is_of(&form) {
+            continue;
+        }
+        count[0] += 1;
+        let (mut mine_of, mut exact_of) = robots(&form);
+        let (mut newtons_of, _) = robots(&newton);
+        let mut seeded = Seeded::new(seed + 70);
+        for k in 0..200 {
+            let mut at = || -> Vec<f64> {
+                draft.reach.iter().map(|reach| reach * seeded.within(-1.0, 1.0)).collect()
+            };
+            let y = at();
+            let yd = at();
+            let cast = |x: (Fields<f64>, Fields<f64>)| (x.0.map(Dd::from), x.1.map(Dd::from));
+            let mine = answers(&mut mine_of, &y, &yd).map(cast);
+            let newtons = answers(&mut newtons_of, &y, &yd).map(cast);
+            let (mine, newtons) = match (mine, newtons) {
+                (Some(mine), Some(newtons)) => (mine, newtons),
+                // near the end of the reach one of both may give up before the other
+                (mine, newtons) => {
+                    count[3] += usize::from(mine.is_some() != newtons.is_some());
+                    continue;
+                }
+            };
+            count[1] += 1;
+            let epsilon = 64.0 / 100.0 * <f64 as Real>::EPSILON;
+            // both are rounded
+            worst[0] = worst[0].max(share(&mine, &newtons, 2.0 * epsilon, draft.scale));
+            if k % 20 == 0 {
+                // without a table it might not find the way from the zero pose
+                let near = Some(mine.0.get(Q));
+                let exact = answers_near(&mut exact_of, near, &y, &yd).expect("a pose of doubles");
+                worst[1] = worst[1].max(share(&mine, &exact, epsilon, draft.scale));
+                count[2] += 1;
+            }
+            assert!(worst.iter().all(|x| *x <= 1.0), "seed {seed} at {y:?}: {worst:?}");
+        }
+    }
+    println!(
+        "{count:?} mechanisms, states, states in double-double, states closed by one of both alone: \
+         {worst:.1?} of what is allowed"
+    );
+    count
 }
 
 /// Checks a closed form on many drafts: against Newton's method, double and double-double, and

@@ -40,7 +40,7 @@ pub(crate) use numerical::continuation::loses_rank;
 pub(crate) use numerical::elimination::Elimination;
 pub(crate) use numerical::seeds::{Axis, LANES, MOST, Seeds};
 pub(crate) use numerical::{
-    BlockForm, Chain, End, FEW_STEPS, Form, Formed, Mover, Numerical, Rod, Rods, Turn, screw,
+    BlockForm, Chain, End, FEW_STEPS, Form, Formed, Mover, Numerical, Rod, Rods, Steps, Turn, screw,
 };
 pub(crate) use outcome::{Outcome, Validity};
 pub(crate) use path::{distance, interpolate, largest_distance};

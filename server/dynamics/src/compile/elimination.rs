@@ -36,6 +36,7 @@ pub(super) fn order(
     let elimination = Elimination {
         below: (0..m).map(|k| (k + 1..m).filter(|i| block.filled[*i][k]).collect()).collect(),
         right: (0..m).map(|k| (k + 1..m).filter(|j| block.filled[k][*j]).collect()).collect(),
+        is_fixed: false,
     };
     (block.rows, block.columns, Some(elimination))
 }

@@ -51,7 +51,7 @@ fn sets(closure: &Closure<f64>, cluster: &Cluster<f64>) -> Vec<(&'static str, Ve
             Some(Formed { form: Form::Rods(of), .. }) => rods(of),
             Some(Formed { form: Form::Coupling(_), .. }) => whole("linear"),
             Some(Formed { form: Form::Chain(of), .. }) => chain(of),
-            None => blocks(numerical),
+            Some(Formed { form: Form::Steps(_), .. }) | None => blocks(numerical),
         },
     }
 }

@@ -19,6 +19,8 @@ pub(crate) struct Elimination {
     /// step.
     pub(crate) below: Vec<Vec<usize>>,
     pub(crate) right: Vec<Vec<usize>>,
+    /// Poses where the order is bad are left to others.
+    pub(crate) is_fixed: bool,
 }
 
 impl Elimination {
@@ -42,9 +44,10 @@ impl Elimination {
         let m = self.below.len();
         spare[..m * m].copy_from_slice(A);
         // recorded operations have the largest pivots of every pose
-        let in_order = if T::RECORDED { None } else { Some(self.in_order(A, inverse, m)) };
+        let is_pivoted = T::RECORDED && !self.is_fixed;
+        let in_order = (!is_pivoted).then(|| self.in_order(A, inverse, m));
         let (sound, det) = in_order
-            .filter(|(sound, _)| *sound)
+            .filter(|(sound, _)| *sound || self.is_fixed)
             .unwrap_or_else(|| Elimination::pivoted(A, inverse, spare, m));
         Inverted { sound, accurate: true, near: T::ONE, gain: T::ONE, det }
     }

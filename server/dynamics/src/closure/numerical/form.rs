@@ -2,8 +2,9 @@
 
 use sarrus_proto::Status;
 
+use crate::closure::numerical::continuation::redundant_gap;
 use crate::closure::numerical::seeds::Seeds;
-use crate::closure::numerical::{Chain, Numerical};
+use crate::closure::numerical::{Chain, Numerical, Steps};
 use crate::closure::{
     Coupling, Dyads, Level, Local, Outcome, Planar, Platform, Rods, Rrpr, Validity,
 };
@@ -45,10 +46,12 @@ pub(crate) enum Form<T> {
     Coupling(Coupling<T>),
     /// Blocks one after the other.
     Chain(Chain<T>),
+    /// The rows themselves, by a fixed number of steps from a seed.
+    Steps(Steps),
 }
 
 constants! { enum Form:
-    map Platform Planar Rrpr Dyads Rods Coupling Chain;
+    map Platform Planar Rrpr Dyads Rods Coupling Chain Steps;
 }
 
 impl<T> Numerical<T> {
@@ -95,6 +98,7 @@ impl<T> Formed<T> {
     pub(crate) fn seeded(&self) -> &[Dof] {
         match &self.form {
             Form::Rods(rods) => &rods.unknowns,
+            Form::Steps(steps) => &steps.unknowns,
             _ => &[],
         }
     }
@@ -110,10 +114,18 @@ impl<T> Formed<T> {
         if matches!(self.form, Form::Chain(_)) { MOST_GAIN_IN_ROW } else { MOST_GAIN }
     }
 
+    /// Takes the signs of the blocks' determinants, which its steps keep.
+    pub(crate) fn set_signs(&mut self, signs: &[f64]) {
+        if let Form::Steps(steps) = &mut self.form {
+            steps.signs = signs.to_vec();
+        }
+    }
+
     /// Takes more steps from the table; false where it takes most or none.
     pub(crate) fn lengthen(&mut self) -> bool {
         match &mut self.form {
             Form::Rods(rods) => rods.lengthen(),
+            Form::Steps(steps) => steps.lengthen(),
             _ => false,
         }
     }
@@ -135,6 +147,14 @@ impl<T: Real> Formed<T> {
         };
         self.wind(local);
         is_there
+    }
+
+    /// The residual of redundant rows at the pose that it closed last, where it leaves them out.
+    pub(crate) fn gap(&self, local: &mut Local<'_, T>) -> T {
+        match &self.form {
+            Form::Steps(_) => redundant_gap(local),
+            _ => T::ZERO,
+        }
     }
 
     /// Angles beyond half a turn.
@@ -168,14 +188,13 @@ impl<T: Real> Form<T> {
             Form::Planar(planar) => planar.close(local, level),
             Form::Rrpr(rrpr) => rrpr.close(local, level),
             Form::Dyads(dyads) => dyads.close(local, level),
-            Form::Rods(rods) => {
-                return (rods.close(local, level), rods.steps as u32);
-            }
+            Form::Rods(rods) => return (rods.close(local, level), rods.steps as u32),
             Form::Coupling(coupling) => {
                 coupling.close(local, level);
                 Validity::fine()
             }
             Form::Chain(chain) => chain.close(local, level),
+            Form::Steps(steps) => return (steps.close(local, level), steps.steps as u32),
         };
         (validity, 0)
     }

@@ -20,6 +20,7 @@ mod newton;
 mod rods;
 pub(crate) mod seeds;
 mod series;
+mod steps;
 mod straight;
 
 use std::sync::Arc;
@@ -39,6 +40,7 @@ use crate::spatial::Pose;
 pub(crate) use chain::{BlockForm, Chain};
 pub(crate) use form::{Form, Formed};
 pub(crate) use rods::{FEW_STEPS, Mover, Rod, Rods, screw};
+pub(crate) use steps::Steps;
 
 /// Most Newton steps of one straight attempt.
 const STEPS: u32 = 10;

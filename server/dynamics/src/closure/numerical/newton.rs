@@ -196,7 +196,7 @@ impl Block {
         start: Start<T>,
         end: End,
     ) -> (bool, u32, T) {
-        let &mut Local { cluster, bodies, .. } = local;
+        let cluster = local.cluster;
         let thresholds = Thresholds::<T>::new(cluster.length, end);
         let mut attempt = Attempt::<T>::new();
         if self.couples {
@@ -204,14 +204,7 @@ impl Block {
         }
         let mut trust = T::ZERO;
         let mut taken = 0;
-        // poses at the start; of bodies whose parent stands still also that at zero of their joint
-        for &(j, held) in &self.bodies {
-            let scratch = &mut *local.scratch;
-            if held {
-                scratch.base[j] = base(cluster, bodies, j, &scratch.pose);
-            }
-        }
-        self.place(local);
+        self.begin(local);
         for k in 0..end.steps {
             // φ(q_k), and A⁻¹ unless the chord rule keeps it
             let tiny = k > 0 && attempt.size.lt(thresholds.chord);
@@ -249,6 +242,17 @@ impl Block {
         (good, taken, attempt.gain)
     }
 
+    /// Poses at the start; of bodies whose parent stands still also that at zero of their joint.
+    #[inline(always)]
+    pub(super) fn begin<T: Real>(&self, local: &mut Local<'_, T>) {
+        let &mut Local { cluster, bodies, .. } = local;
+        let scratch = &mut *local.scratch;
+        for &(j, _) in self.bodies.iter().filter(|(_, held)| *held) {
+            scratch.base[j] = base(cluster, bodies, j, &scratch.pose);
+        }
+        self.place(local);
+    }
+
     /// True where an inverse costs more than steps; a tolerance counts steps by fresh ones.
     #[inline(always)]
     fn keeps<const M: usize>(&self, end: End) -> bool {
@@ -272,7 +276,7 @@ impl Block {
 
     /// 1/sin² of a block of one row: its lever against the length of the cluster.
     #[inline(always)]
-    fn lever_gain<T: Real>(&self, local: &Local<'_, T>) -> T {
+    pub(super) fn lever_gain<T: Real>(&self, local: &Local<'_, T>) -> T {
         let cluster = local.cluster;
         self.lever_gain_of(cluster, local.scratch.inverse[self.offset])
     }
@@ -345,7 +349,11 @@ impl Block {
     /// Cosines and sines of the unknowns after a step; PRECISION: they follow a last tiny one by
     /// its first order, as the second is below half a unit roundoff.
     #[inline(always)]
-    fn update_cos_sin<T: Real, const M: usize>(&self, local: &mut Local<'_, T>, tiny: bool) {
+    pub(super) fn update_cos_sin<T: Real, const M: usize>(
+        &self,
+        local: &mut Local<'_, T>,
+        tiny: bool,
+    ) {
         let turns = || self.unknowns[..self.width::<M>()].iter().enumerate();
         let turns = || turns().filter(|(_, dof)| dof.motion == Motion::Revolute);
         if !tiny {

@@ -121,7 +121,8 @@ pub(super) fn recognised(
         let (rods, deviations) = lengths::read(&of).ok()?;
         (size(&deviations) <= rounding).then_some(closure::Form::Rods(rods))
     };
-    let form = form_of(&of, rounding).or_else(chain).or_else(rods)?;
+    let steps = || Some(closure::Form::Steps(closure::Steps::new(rows, cluster)?));
+    let form = form_of(&of, rounding).or_else(chain).or_else(rods).or_else(steps)?;
     Some(Box::new(Formed { form, windings: Vec::new() }))
 }
 

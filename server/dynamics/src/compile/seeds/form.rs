@@ -5,10 +5,12 @@ use sarrus_proto::Status;
 use crate::closure::{Formed, Level, Seeds, column_unit};
 use crate::compile::seeds::grid::{Grid, center};
 use crate::compile::seeds::{ERROR, Node, Table};
-use crate::mechanism::{Motion, Winding};
+use crate::mechanism::{Dof, Motion, Winding};
 
 /// Largest distance of a closed form from Newton's method at a node, in radians or cluster lengths.
 pub(super) const AGREES: f64 = 1e-9;
+/// Largest residual of rows that a form leaves out, in radians or cluster lengths.
+const CLOSED: f64 = 1e-12;
 /// Largest angle from the middle of a coordinate's range, less than half a turn.
 const ANGLE: f64 = 2.8;
 
@@ -22,6 +24,10 @@ impl Table<'_> {
         nodes: &[Option<Node>],
     ) -> Option<Box<Formed<f64>>> {
         let mut form = self.form.clone()?;
+        form.set_signs(&self.signs);
+        // a seed has whole turns of its own
+        let seeded: Vec<usize> = form.seeded().iter().map(|dof| dof.q).collect();
+        let turns = |dof: &Dof| dof.motion == Motion::Revolute && !seeded.contains(&dof.q);
         let grid = Grid::of_cells(&seeds.axes);
         let corners = Grid::of_nodes(&seeds.axes);
         let used =
@@ -29,7 +35,7 @@ impl Table<'_> {
         let around = || used().flat_map(|place| corners.corners(&place).collect::<Vec<_>>());
         let cluster = self.cluster();
         let dofs = cluster.dependent.iter().map(|v| cluster.dofs[*v]);
-        for dof in dofs.filter(|dof| dof.motion == Motion::Revolute) {
+        for dof in dofs.filter(turns) {
             let turns = self.numerical.turns.iter().map(|of| (of.coordinate, of.turns[dof.q]));
             let turns: Vec<(usize, f64)> = turns.filter(|(_, w)| *w != 0.0).collect();
             let off = |corner: usize| {
@@ -75,12 +81,14 @@ impl Table<'_> {
         self.ws.q[at.clone()].copy_from_slice(q);
         self.ws.start[at.clone()].copy_from_slice(q);
         let bodies = model.bodies_of(cluster);
-        let outcome = form.close(&mut self.ws.local(cluster, bodies), Level::Position);
+        let mut local = self.ws.local(cluster, bodies);
+        let outcome = form.close(&mut local, Level::Position);
+        let gap = form.gap(&mut local);
         let agrees = |v: &usize| {
             let i = cluster.dofs[*v].q;
             let apart = (self.ws.q[cluster.q + i] - q[i]).abs() / column_unit(cluster, *v);
             apart < allowed
         };
-        outcome.status == Status::Ok && cluster.dependent.iter().all(agrees)
+        outcome.status == Status::Ok && gap < CLOSED && cluster.dependent.iter().all(agrees)
     }
 }
