@@ -4,7 +4,7 @@ use sarrus_dynamics::description::{JointKind, Limits, Motor, Terms};
 
 use crate::number as strict;
 use crate::report::{Diagnostics, quoted};
-use crate::urdf::Urdf;
+use crate::urdf::{JointEntry, Urdf};
 use crate::yaml::{Node, Value, keys, list, missing, number, numbers, word, words};
 
 const OF: &str = "an actuator";
@@ -63,7 +63,7 @@ pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) 
             missing(node, OF, "joint", "the joint that it moves", diagnostics);
         }
         for (name, span) in joints {
-            let kind = urdf.joint_index.get(&name).and_then(|j| urdf.joints.get(*j)?.kind);
+            let kind = urdf.joint(&name).and_then(|joint| joint.kind);
             let moves = matches!(
                 kind,
                 Some(JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic)
@@ -76,9 +76,7 @@ pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) 
                 continue;
             }
             if let Some(joint) = urdf.joint_index.get(&name).and_then(|j| urdf.joints.get_mut(*j)) {
-                let mut limits = joint.limits.unwrap_or(Limits::NONE);
-                actuator(node, (&mut limits, &mut joint.terms, &mut joint.motor), diagnostics);
-                joint.limits = Some(limits);
+                actuator(node, joint, diagnostics);
             }
             seen.push(name);
         }
@@ -86,11 +84,9 @@ pub(crate) fn read(root: &Node, urdf: &mut Urdf, diagnostics: &mut Diagnostics) 
 }
 
 /// One actuator at its joint: its model first, then the keys that say otherwise.
-fn actuator(
-    node: &Node,
-    (limits, terms, motor): (&mut Limits, &mut Terms, &mut Option<Motor>),
-    diagnostics: &mut Diagnostics,
-) {
+fn actuator(node: &Node, joint: &mut JointEntry, diagnostics: &mut Diagnostics) {
+    let limits = joint.limits.get_or_insert(Limits::NONE);
+    let terms = &mut joint.terms;
     let mut own = Motor {
         continuous: f64::INFINITY,
         thermal_time: f64::INFINITY,
@@ -164,7 +160,7 @@ fn actuator(
     {
         limits.velocity = *speed;
     }
-    *motor = Some(own);
+    joint.motor = Some(own);
 }
 
 /// The numbers of a published motor, if one is named.

@@ -35,10 +35,7 @@ pub(crate) fn assemble_contents<E>(
         let Ok(loaded) = loaded else { return Ok(Ok(report)) };
         let model = &loaded.compiled.model;
         let given = given(model.tree_q_names(), model.tree_zero(), model.tree_names());
-        let (near, weights) = match given {
-            Ok(given) => given,
-            Err(error) => return Ok(Err(error)),
-        };
+        let Ok((near, weights)) = given else { return Ok(given.map(|_| report)) };
         let found = model.assemble(&near, &weights);
         let pose = found.as_ref().ok().map(|found| found.q.clone());
         let mut assembled = AssemblyReport::new(model.tree_q_names(), &near, found);
@@ -58,10 +55,7 @@ pub(crate) fn assemble_contents<E>(
     };
     let model = &opened.model;
     let given = given(model.tree_q_names(), model.tree_zero(), model.tree_names());
-    let (near, weights) = match given {
-        Ok(given) => given,
-        Err(error) => return Ok(Err(error)),
-    };
+    let Ok((near, weights)) = given else { return Ok(given.map(|_| report)) };
     let residual_at = |pose: &[f64]| match model.assemble(pose, &vec![f64::INFINITY; weights.len()])
     {
         Ok(found) => found.residual,

@@ -1,7 +1,5 @@
 //! The base of a robot: fixed in the world, or free.
 
-use std::collections::BTreeSet;
-
 use sarrus_dynamics::description::{
     Description, JointKind, Link, Placement, Submechanism, SubmechanismKind,
 };
@@ -9,6 +7,7 @@ use sarrus_dynamics::description::{
 use crate::build::{self, Spans};
 use crate::names::there_is;
 use crate::report::{Diagnostics, quoted};
+use crate::tree::Tree;
 
 /// Name of the free joint of a floating base and of its submechanism.
 const NAME: &str = "floating_base";
@@ -53,10 +52,7 @@ pub(crate) fn put(
         Base::FloatingAt(name) => Some(name.as_str()),
     };
     let robot = spans.of(sarrus_dynamics::Site::Robot);
-    let children: BTreeSet<usize> = description.joints.iter().map(|joint| joint.child).collect();
-    let Some(root) = (0..description.links.len()).find(|link| !children.contains(link)) else {
-        return;
-    };
+    let root = Tree::new(description).root;
     let links = || description.links.iter().map(|link| link.name.as_str());
     let root_name = &description.links[root].name;
     if let Some(wanted) = wanted.filter(|wanted| wanted != root_name) {

@@ -41,15 +41,12 @@ impl Spans {
             span: entry.name.as_ref().map_or(entry.span, |(_, span)| *span),
             loops: entry.loops.iter().map(|each| (each.span, each.rows.clone())).collect(),
         };
+        let entries = submechanisms.into_iter().flat_map(|read| &read.entries);
         Spans {
             robot: submechanisms.map_or(urdf.span, |read| read.span),
             links: urdf.links.iter().map(|link| link.span).collect(),
             joints: urdf.joints.iter().map(|joint| joint.span).collect(),
-            submechanisms: submechanisms
-                .into_iter()
-                .flat_map(|read| &read.entries)
-                .map(span_of)
-                .collect(),
+            submechanisms: entries.map(span_of).collect(),
         }
     }
 
@@ -250,6 +247,7 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
         parts.map(|name| urdf.joint_index.get(name).copied()).collect()
     };
     let (kind, _) = kind_named(&entry.r#type)?;
+    let loops = entry.loop_constraints.unwrap_or_default().into_iter();
     Some(Submechanism {
         name: entry.contextual_name.or(entry.name)?,
         kind,
@@ -257,12 +255,7 @@ fn submechanism(urdf: &Urdf, entry: EntryValues) -> Option<Submechanism> {
         spanning_tree: indices(entry.jointnames_spanningtree)?,
         independent: indices(entry.jointnames_independent)?,
         active: indices(entry.jointnames_active)?,
-        loops: entry
-            .loop_constraints
-            .unwrap_or_default()
-            .into_iter()
-            .map(|each| closed_loop(urdf, each))
-            .collect::<Option<_>>()?,
+        loops: loops.map(|each| closed_loop(urdf, each)).collect::<Option<_>>()?,
         closed_forms: entry.closed_forms.as_deref() != Some("off"),
     })
 }
@@ -276,6 +269,7 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
     let predecessor = *urdf.link_index.get(&first)?;
     let successor = *urdf.link_index.get(&second)?;
     let name = each.cut_joint.unwrap_or_else(|| format!("{first}_{second}"));
+    let at_joint = urdf.joint_index.get(&name).map(|joint| Cut::AtJoint(*joint));
     let cut = match (each.predecessor_placement, each.successor_placement) {
         (Some(predecessor), Some(successor)) => {
             Cut::Placed { predecessor: placement(predecessor), successor: placement(successor) }
@@ -283,10 +277,7 @@ fn closed_loop(urdf: &Urdf, each: LoopValues) -> Option<Loop> {
         _ if is_framed => {
             Cut::Placed { predecessor: Placement::default(), successor: Placement::default() }
         }
-        _ => urdf
-            .joint_index
-            .get(&name)
-            .map_or(Cut::AtLink(predecessor), |joint| Cut::AtJoint(*joint)),
+        _ => at_joint.unwrap_or(Cut::AtLink(predecessor)),
     };
     let rows = match each.cut_joint_type {
         Some(written) => {

@@ -11,20 +11,14 @@ const MOST: usize = 4096;
 pub fn quoted(name: &str) -> String {
     const LONGEST: usize = 60;
     let start: String = name.chars().take(LONGEST).collect();
-    let mut shown = format!("`{}", visible(&start));
-    if name.chars().nth(LONGEST).is_some() {
-        shown.push('…');
-    }
-    shown.push('`');
-    shown
+    let rest = if name.chars().nth(LONGEST).is_some() { "…" } else { "" };
+    format!("`{}{rest}`", visible(&start))
 }
 
 /// A text for a message, on one line: control characters made visible.
 pub(crate) fn visible(text: &str) -> String {
-    let shown = |c: char| match c.is_control() {
-        true => c.escape_default().to_string(),
-        false => c.to_string(),
-    };
+    let shown =
+        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(shown).collect()
 }
 

@@ -25,19 +25,14 @@ pub(crate) fn list(text: &str) -> Result<Vec<f64>, NumberFault> {
 
 /// One finite number without anything around it.
 pub(crate) fn number(word: &str) -> Result<f64, NumberFault> {
+    // infinities and NaN in YAML's own spelling
+    const OF_YAML: [&str; 6] = [".inf", ".Inf", ".INF", ".nan", ".NaN", ".NAN"];
     match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        Ok(_) => Err(NumberFault::NotFinite(word.to_owned())),
-        // YAML's own spelling
-        Err(_)
-            if matches!(
-                word.trim_start_matches(['-', '+']),
-                ".inf" | ".Inf" | ".INF" | ".nan" | ".NaN" | ".NAN"
-            ) =>
-        {
-            Err(NumberFault::NotFinite(word.to_owned()))
+        Err(_) if !OF_YAML.contains(&word.trim_start_matches(['-', '+'])) => {
+            Err(NumberFault::NotANumber(word.to_owned()))
         }
-        Err(_) => Err(NumberFault::NotANumber(word.to_owned())),
+        _ => Err(NumberFault::NotFinite(word.to_owned())),
     }
 }
 

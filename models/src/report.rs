@@ -94,10 +94,8 @@ pub struct Report {
 impl fmt::Display for Report {
     /// One diagnostic a line, errors first.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.errors
-            .iter()
-            .chain(&self.warnings)
-            .try_for_each(|diagnostic| writeln!(f, "{diagnostic}"))
+        let mut all = self.errors.iter().chain(&self.warnings);
+        all.try_for_each(|diagnostic| writeln!(f, "{diagnostic}"))
     }
 }
 
@@ -233,11 +231,8 @@ impl Diagnostics {
         otherwise: impl Into<String>,
     ) -> String {
         // thousands of unknown names need no thousands of suggestions
-        let near = if self.errors.is_full() || self.warnings.is_full() {
-            None
-        } else {
-            nearest(name, known)
-        };
+        let is_full = self.errors.is_full() || self.warnings.is_full();
+        let near = if is_full { None } else { nearest(name, known) };
         near.map_or_else(|| otherwise.into(), |near| format!("did you mean `{near}`?"))
     }
 
@@ -272,14 +267,8 @@ impl Diagnostics {
         let file = self.files.get(span.file as usize).cloned().unwrap_or_default();
         let parts = [found, expected, help].map(|part| visible(&part));
         let [found, expected, help] = bounded(parts.each_ref().map(String::as_str), LONGEST);
-        Diagnostic {
-            file,
-            line: span.line as usize,
-            column: span.column as usize,
-            found,
-            expected,
-            help,
-        }
+        let [line, column] = [span.line, span.column].map(|count| count as usize);
+        Diagnostic { file, line, column, found, expected, help }
     }
 }
 

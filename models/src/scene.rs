@@ -69,20 +69,16 @@ pub(crate) fn reduce(
         joints.into_iter().map(|(j, at)| (whole.joints[j].name.clone(), at)).collect();
     let mut robot = (whole, spans);
     if !links.is_empty() {
-        let reduced = restricted(&robot.0, &links);
-        robot = reported(reduced, &robot.1, diagnostics)?;
+        robot = reported(restricted(&robot.0, &links), &robot.1, diagnostics)?;
     }
     // an omitted joint needs no lock
     let index = |name: &String| robot.0.joints.iter().position(|joint| joint.name == *name);
-    let locks: Vec<sarrus_dynamics::Lock> = joints
-        .iter()
-        .filter_map(|(name, position)| {
-            Some(sarrus_dynamics::Lock { joint: index(name)?, position: *position })
-        })
-        .collect();
+    let lock = |(name, position): &(String, Option<f64>)| {
+        Some(sarrus_dynamics::Lock { joint: index(name)?, position: *position })
+    };
+    let locks: Vec<sarrus_dynamics::Lock> = joints.iter().filter_map(lock).collect();
     if !locks.is_empty() {
-        let reduced = locked(&robot.0, &locks);
-        robot = reported(reduced, &robot.1, diagnostics)?;
+        robot = reported(locked(&robot.0, &locks), &robot.1, diagnostics)?;
     }
     Some(robot)
 }

@@ -42,11 +42,8 @@ fn bundled_contents(name: &str) -> Outcome<Contents> {
     let Some((urdf, submechanisms)) = bundled::bundled_text(name) else {
         let names = || bundled::bundled().map(|(name, _)| name);
         let near = nearest(name, names()).map(str::to_owned);
-        return Err(LoadError::UnknownRobot {
-            name: name.to_owned(),
-            known: names().collect::<Vec<_>>().join(", "),
-            near,
-        });
+        let known = names().collect::<Vec<_>>().join(", ");
+        return Err(LoadError::UnknownRobot { name: name.to_owned(), known, near });
     };
     let label = |extension: &str| format!("models/robots/{name}/{name}.{extension}");
     Ok(Contents {

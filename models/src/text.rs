@@ -42,12 +42,9 @@ impl Text {
         bytes.truncate(good);
         let content = String::from_utf8(bytes).unwrap_or_default();
         let content = content.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(content);
-        let text = Text {
-            file,
-            lines: line_starts(&content),
-            counts: character_counts(&content),
-            content,
-        };
+        let lines = line_starts(&content);
+        let counts = character_counts(&content);
+        let text = Text { file, content, lines, counts };
         if let Some(bad) = fault {
             let span = text.span(text.content.len());
             let found = format!("the byte 0x{bad:02x} is not UTF-8");
@@ -103,10 +100,8 @@ impl Text {
     fn characters_before(&self, offset: usize) -> usize {
         let block = offset / BLOCK;
         let before = self.counts.get(block).copied().unwrap_or(0);
-        before
-            + count_characters(
-                self.content.as_bytes().get(block * BLOCK..offset).unwrap_or_default(),
-            )
+        let rest = self.content.as_bytes().get(block * BLOCK..offset).unwrap_or_default();
+        before + count_characters(rest)
     }
 }
 
@@ -132,11 +127,7 @@ pub(crate) fn read_named(path: &Path) -> Outcome<(String, Vec<u8>)> {
 }
 
 fn line_starts(content: &str) -> Vec<usize> {
-    let after_breaks = content
-        .bytes()
-        .enumerate()
-        .filter(|(_, byte)| *byte == b'\n')
-        .map(|(offset, _)| offset + 1);
+    let after_breaks = content.match_indices('\n').map(|(offset, _)| offset + 1);
     core::iter::once(0).chain(after_breaks).collect()
 }
 

@@ -26,17 +26,14 @@ const LONGEST: f64 = 100.0;
 /// Warns of masses that may be in grams and lengths that may be in millimetres.
 pub(crate) fn check(description: &Description, spans: &Spans, diagnostics: &mut Diagnostics) {
     let distance = distances(description);
-    let bodies: Vec<(usize, &Inertial)> = description
-        .links
-        .iter()
-        .enumerate()
+    let links = description.links.iter().enumerate();
+    let bodies: Vec<(usize, &Inertial)> = links
         .filter_map(|(i, link)| Some((i, link.inertial.as_ref().filter(|of| of.mass > 0.0)?)))
         .collect();
-    let reach = bodies
+    let far = bodies
         .iter()
-        .map(|(i, of)| distance.get(*i).unwrap_or(&0.0) + length(of.origin.xyz) + gyration(of))
-        .chain(distance.iter().copied())
-        .fold(0.0, f64::max);
+        .map(|(i, of)| distance.get(*i).unwrap_or(&0.0) + length(of.origin.xyz) + gyration(of));
+    let reach = far.chain(distance.iter().copied()).fold(0.0, f64::max);
     let total: f64 = bodies.iter().map(|(_, of)| of.mass).sum();
     let density = total / reach.powi(3);
 
@@ -69,12 +66,8 @@ pub(crate) fn check(description: &Description, spans: &Spans, diagnostics: &mut 
     }
 
     // millimetres
-    let longest = description
-        .joints
-        .iter()
-        .enumerate()
-        .map(|(j, joint)| (j, length(joint.origin.xyz)))
-        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let offsets = description.joints.iter().map(|joint| length(joint.origin.xyz)).enumerate();
+    let longest = offsets.max_by(|a, b| a.1.total_cmp(&b.1));
     if let Some((j, offset)) = longest
         && (offset > LONGEST || (offset > LONG && total > 0.0 && density < THIN))
     {

@@ -67,12 +67,8 @@ pub(crate) fn complete(
         description.submechanisms.push(part);
     }
     place(description, &open, spans, diagnostics);
-    let n_rows: usize = description
-        .submechanisms
-        .iter()
-        .flat_map(|part| &part.loops)
-        .map(|cut| cut.rows.len())
-        .sum();
+    let loops = description.submechanisms.iter().flat_map(|part| &part.loops);
+    let n_rows: usize = loops.map(|cut| cut.rows.len()).sum();
     if n_rows > MOST_ROWS {
         let found = format!("the loops have {n_rows} rows");
         let help = "split the robot into robots of their own";
@@ -250,10 +246,8 @@ fn serial(name: String, joints: &[Joint], has: impl Fn(usize) -> bool) -> Submec
     let is_single =
         |j: &usize| !matches!(joints[*j].kind, JointKind::Floating | JointKind::Spherical);
     let active = independent.iter().copied().filter(is_single).collect();
-    let kind = match independent.len() == moving.len() {
-        true => SubmechanismKind::Serial,
-        false => SubmechanismKind::Transmission,
-    };
+    let is_free = independent.len() == moving.len();
+    let kind = if is_free { SubmechanismKind::Serial } else { SubmechanismKind::Transmission };
     Submechanism { independent, active, ..build::group(name, kind, moving) }
 }
 

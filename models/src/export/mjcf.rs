@@ -10,7 +10,7 @@ use sarrus_dynamics::description::{Coupling, Curve, Inertial, Joint, JointKind};
 
 use super::cuts::Tie;
 use super::urdf::escaped;
-use super::{Out, attribute, inertial, is_single, list};
+use super::{Out, attribute, is_single, list};
 use crate::inertia::principal;
 use crate::pose::{Pose, of_axes};
 use crate::report::quoted;
@@ -65,7 +65,7 @@ impl Bodies<'_, '_> {
         let root = self.out.robot.root;
         // the world is no body of its own
         if self.out.robot.link(root) == "world" {
-            if inertial(&self.out.robot, root).is_some_and(|of| of.mass != 0.0) {
+            if self.out.robot.of.links[root].inertial.is_some_and(|of| of.mass != 0.0) {
                 let found = "the mass of the root link, which does not move, is left out";
                 self.out.note(Site::Link(root), found.to_owned(), "nothing to do");
             }
@@ -100,10 +100,9 @@ impl Bodies<'_, '_> {
         if let Some(joint) = moving {
             self.text += &format!("{indent}  {}\n", of_joint(joint));
         }
-        let found = inertial(&self.out.robot, link);
-        let none = Inertial { origin: Default::default(), mass: 0.0, inertia: [0.0; 6] };
+        let found = self.out.robot.of.links[link].inertial;
         if found.is_some() || moving.is_some() {
-            let of = found.unwrap_or(none);
+            let of = found.unwrap_or(Inertial::point(0.0, [0.0; 3]));
             let moments = moments(&of, moving.is_some());
             self.text += &format!("{indent}  {}\n", mass(&of, moments, moving.is_some()));
             let exact = principal(&of.inertia).0;
@@ -284,15 +283,12 @@ fn actuators(out: &mut Out<'_>) -> String {
         }
         text += "/>\n";
     }
-    if out.robot.of.joints.iter().any(has_limit) {
+    let mut limits = out.robot.of.joints.iter().filter_map(|joint| joint.limits);
+    if limits.any(|of| of.velocity.is_finite()) {
         let found = "MJCF has no limits of speeds".to_owned();
         out.note(Site::Robot, found, "they are left out");
     }
     within("actuator", text)
-}
-
-fn has_limit(joint: &Joint) -> bool {
-    joint.limits.is_some_and(|limits| limits.velocity.is_finite())
 }
 
 /// A section that has something in it.

@@ -19,13 +19,14 @@ pub(crate) mod yaml;
 use std::fmt::Write;
 
 use sarrus_dynamics::description::{
-    Cut, Description, Inertial, Joint, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
+    Cut, Description, Joint, JointKind, Loop, Submechanism, SubmechanismKind, Terms,
 };
 use sarrus_dynamics::{CutJoint, Model, Site, loops_of};
 
 use crate::build;
 use crate::error::{LoadError, Outcome};
 use crate::load::Loaded;
+use crate::pose::Pose;
 use crate::report::{Diagnostics, Report, Span, quoted};
 use crate::rewrite::number;
 use crate::tree::Tree;
@@ -65,9 +66,7 @@ pub struct Exported {
 /// is left out with a warning.
 pub fn export(loaded: &Loaded, target: Target, name: &str, lenient: bool) -> Outcome<Exported> {
     let mut diagnostics = Diagnostics::new(lenient);
-    for file in &loaded.files {
-        diagnostics.add_file(file);
-    }
+    diagnostics.files.clone_from(&loaded.files);
     let mut of = loaded.description.clone();
     if target != Target::Urdf {
         // a type may define its loops
@@ -85,9 +84,7 @@ pub fn export(loaded: &Loaded, target: Target, name: &str, lenient: bool) -> Out
     let files = match target {
         Target::Mjcf => vec![(".xml", mjcf::text(&mut out, &ties))],
         Target::Sdf => vec![(".sdf", sdf::text(&mut out))],
-        Target::Urdf => {
-            vec![(".urdf", urdf::text(&of)), (".yml", yaml::text(&of))]
-        }
+        Target::Urdf => vec![(".urdf", urdf::text(&of)), (".yml", yaml::text(&of))],
         Target::Pinocchio => pinocchio::texts(&mut out, &ties),
         Target::Gepetto => gepetto::texts(&mut out, &ties),
     };
@@ -240,24 +237,19 @@ impl Out<'_> {
 
     /// The robot with these cuts.
     fn as_held(&self, ties: &[Tie]) -> Description {
+        let cut = |tie: &Tie| {
+            let [predecessor, successor] = tie.places.map(Pose::placement);
+            let cut = Cut::Placed { predecessor, successor };
+            let [predecessor, successor] = tie.links;
+            let rows = if tie.is_weld { CutJoint::Weld } else { CutJoint::Spherical }.rows();
+            Loop { name: tie.name.clone(), predecessor, successor, cut, rows }
+        };
         let mut held = self.robot.of.clone();
         for (s, part) in held.submechanisms.iter_mut().enumerate() {
             if part.loops.is_empty() {
                 continue;
             }
-            let of_part = ties.iter().filter(|tie| tie.of.0 == s);
-            part.loops = of_part
-                .map(|tie| Loop {
-                    name: tie.name.clone(),
-                    predecessor: tie.links[0],
-                    successor: tie.links[1],
-                    cut: Cut::Placed {
-                        predecessor: tie.places[0].placement(),
-                        successor: tie.places[1].placement(),
-                    },
-                    rows: if tie.is_weld { CutJoint::Weld } else { CutJoint::Spherical }.rows(),
-                })
-                .collect();
+            part.loops = ties.iter().filter(|tie| tie.of.0 == s).map(cut).collect();
             part.kind = SubmechanismKind::Numerical;
             part.type_name = "NUMERICAL".to_owned();
         }
@@ -283,11 +275,6 @@ fn list(of: &[f64]) -> String {
 
 fn listed(of: &[f64], between: &str) -> String {
     of.iter().map(|x| number(x + 0.0)).collect::<Vec<_>>().join(between)
-}
-
-/// The mass of a link that has one.
-fn inertial(robot: &Tree<'_>, link: usize) -> Option<Inertial> {
-    robot.of.links.get(link)?.inertial
 }
 
 /// Adds ` NAME="VALUE"`.

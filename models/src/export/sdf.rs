@@ -7,7 +7,7 @@ use sarrus_dynamics::description::{Description, Joint, JointKind, Loop};
 
 use super::cuts::{Kind, held};
 use super::urdf::escaped;
-use super::{Out, has_terms, inertial, list};
+use super::{Out, has_terms, list};
 use crate::pose::{Pose, unit};
 use crate::report::quoted;
 use crate::rewrite::number;
@@ -89,7 +89,7 @@ fn of_link(out: &Out<'_>, link: usize) -> String {
         let parent = out.robot.link(joint.parent);
         text += &placed(Pose::of(&joint.origin), if parent == "world" { "" } else { parent });
     }
-    if let Some(inertial) = inertial(&out.robot, link).filter(|of| of.mass > 0.0) {
+    if let Some(inertial) = of.links[link].inertial.filter(|of| of.mass > 0.0) {
         text += &format!("        <inertial>\n{}", placed(Pose::of(&inertial.origin), ""));
         let _ = write!(text, "        <mass>{}</mass><inertia>", number(inertial.mass));
         let names = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];

@@ -1,9 +1,9 @@
 //! Mass and inertia of links, by position.
 
-use roxmltree::{Document, Node};
+use roxmltree::Document;
 use sarrus_dynamics::description::Inertial;
 
-use super::{edited, list, number, urdf::set};
+use super::{edited, is_named, list, number, urdf::set};
 use crate::urdf::child;
 
 /// The text of a URDF with other masses and inertias of the named links; every other byte stays.
@@ -15,10 +15,7 @@ pub fn with_inertials(text: &str, links: &[(&str, Inertial)]) -> Result<String, 
     let document = Document::parse(text).map_err(|error| format!("a URDF file: {error}"))?;
     let mut edits = Vec::new();
     for (name, inertial) in links {
-        let is_it = |node: &Node<'_, '_>| {
-            node.has_tag_name("link") && node.attribute("name") == Some(*name)
-        };
-        let node = document.root_element().children().find(is_it);
+        let node = document.root_element().children().find(|node| is_named(*node, "link", name));
         let node = node.and_then(|node| child(node, "inertial"));
         let parts = node.and_then(|node| Some((child(node, "mass")?, child(node, "inertia")?)));
         let (Some(node), Some((mass, inertia))) = (node, parts) else {

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 pub use inertials::with_inertials;
 
+use roxmltree::Node;
 use sarrus_dynamics::description::{Cut, Description, Joint, Placement};
 
 use crate::base::Base;
@@ -50,7 +51,7 @@ impl NewZero {
     ) -> Result<Rewritten, String> {
         let urdf = contents.urdf.1.clone();
         let submechanisms = contents.submechanisms.clone().map(|(_, bytes)| bytes);
-        let Ok(text) = String::from_utf8(urdf) else { return Err(NOT_TEXT.to_owned()) };
+        let text = String::from_utf8(urdf).map_err(|_| "files that are no UTF-8 text")?;
         let urdf = edited(&text, urdf::edits(&text, self)?).into_bytes();
         // no file holds a free base
         let first = usize::from(options.base != Base::Fixed);
@@ -122,8 +123,6 @@ impl NewZero {
     }
 }
 
-const NOT_TEXT: &str = "files that are no UTF-8 text";
-
 /// The first part in which two descriptions of one robot differ.
 fn difference(found: &Description, wanted: &Description) -> Option<String> {
     let near = |a: f64, b: f64| a == b || (a - b).abs() <= ROUNDING;
@@ -182,4 +181,9 @@ pub(crate) fn number(x: f64) -> String {
 
 fn list(of: &[f64], between: &str) -> String {
     of.iter().map(|x| number(*x)).collect::<Vec<_>>().join(between)
+}
+
+/// Whether an element is the part of a robot with this name.
+fn is_named(node: Node<'_, '_>, kind: &str, name: &str) -> bool {
+    node.has_tag_name(kind) && node.attribute("name") == Some(name)
 }

@@ -3,9 +3,10 @@
 use roxmltree::{Document, Node};
 use sarrus_dynamics::description::{Curve, Joint};
 
-use super::{Edit, NewZero, list, number};
+use super::{Edit, NewZero, is_named, list, number};
 use crate::report::Diagnostics;
 use crate::text::Text;
+use crate::urdf::child;
 
 /// The replacements that make the new zero pose that of the URDF.
 pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
@@ -20,17 +21,13 @@ pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
     let root = document.root_element();
     let mut edits = Vec::new();
     for (old, new) in zero.old.joints.iter().zip(&zero.new.joints) {
-        let is_it = |node: &Node<'_, '_>| {
-            node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
-        };
-        let Some(node) = root.children().find(is_it) else {
-            if old == new {
-                continue;
-            }
+        let node = root.children().find(|node| is_named(*node, "joint", &old.name));
+        if let Some(node) = node {
+            joint(readable, node, old, new, &mut edits);
+            coupling(readable, root, node, old, new, &mut edits)?;
+        } else if old != new {
             return Err(format!("the joint {}, which is not in the URDF", old.name));
-        };
-        joint(readable, node, old, new, &mut edits);
-        coupling(readable, root, node, old, new, &mut edits)?;
+        }
     }
     edits.iter_mut().for_each(|(range, _)| *range = range.start + mark..range.end + mark);
     Ok(edits)
@@ -38,35 +35,26 @@ pub(super) fn edits(text: &str, zero: &NewZero) -> Result<Vec<Edit>, String> {
 
 /// Origin, limits, calibration and spring of a joint.
 fn joint(text: &str, node: Node<'_, '_>, old: &Joint, new: &Joint, edits: &mut Vec<Edit>) {
-    let child = |name: &str| node.children().find(|child| child.has_tag_name(name));
+    let child = |name: &str| child(node, name);
     if old.origin != new.origin {
         let xyz = list(&new.origin.xyz, " ");
         let rpy = list(&new.origin.rpy, " ");
-        match child("origin") {
-            Some(origin) => {
-                if old.origin.xyz != new.origin.xyz {
-                    set(text, origin, "xyz", xyz, edits);
-                }
-                // angles replace a quaternion
-                match origin.attribute_node("quat_xyzw") {
-                    _ if old.origin.rpy == new.origin.rpy => {}
-                    Some(quaternion) => edits.push((quaternion.range(), format!("rpy=\"{rpy}\""))),
-                    None => set(text, origin, "rpy", rpy, edits),
-                }
+        if let Some(origin) = child("origin") {
+            if old.origin.xyz != new.origin.xyz {
+                set(text, origin, "xyz", xyz, edits);
             }
-            None => {
-                if let Some(first) = node.children().find(Node::is_element) {
-                    let at = first.range().start;
-                    let before = text.get(..at).unwrap_or_default();
-                    let indent = &before[before.trim_end_matches([' ', '\t']).len()..];
-                    let line = if before.trim_end_matches([' ', '\t']).ends_with('\n') {
-                        format!("\n{indent}")
-                    } else {
-                        String::new()
-                    };
-                    edits.push((at..at, format!("<origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{line}")));
-                }
+            // angles replace a quaternion
+            match origin.attribute_node("quat_xyzw") {
+                _ if old.origin.rpy == new.origin.rpy => {}
+                Some(quaternion) => edits.push((quaternion.range(), format!("rpy=\"{rpy}\""))),
+                None => set(text, origin, "rpy", rpy, edits),
             }
+        } else if let Some(first) = node.children().find(Node::is_element) {
+            let at = first.range().start;
+            let before = text.get(..at).unwrap_or_default();
+            let (rest, indent) = before.split_at(before.trim_end_matches([' ', '\t']).len());
+            let line = if rest.ends_with('\n') { format!("\n{indent}") } else { String::new() };
+            edits.push((at..at, format!("<origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{line}")));
         }
     }
     let moved = old.terms.rest - new.terms.rest;
@@ -112,28 +100,21 @@ fn coupling(
     if new == old_coupling {
         return Ok(());
     }
-    let is_it = |node: &Node<'_, '_>| {
-        node.has_tag_name("joint") && node.attribute("name") == Some(old.name.as_str())
-    };
     let mut of_transmission = root
         .children()
         .filter(|node| node.has_tag_name("transmission"))
         .flat_map(|node| node.children())
-        .filter(is_it)
+        .filter(|node| is_named(*node, "joint", &old.name))
         .flat_map(|node| node.children())
         .filter(|node| node.has_tag_name("depends_on"));
     let is_curved = |of: &Node<'_, '_>| of.has_attribute("polynomial") || of.has_attribute("table");
     for (at, (_, curve)) in of_transmission.clone().filter(is_curved).zip(&new.curves) {
         match curve {
             Curve::Polynomial { about, .. } => set(text, at, "about", number(*about), edits),
-            Curve::Table(points) => {
-                set(text, at, "table", list(points.as_flattened(), " "), edits);
-            }
+            Curve::Table(points) => set(text, at, "table", list(points.as_flattened(), " "), edits),
         }
     }
-    let Some(at) =
-        node.children().find(|node| node.has_tag_name("mimic")).or_else(|| of_transmission.next())
-    else {
+    let Some(at) = child(node, "mimic").or_else(|| of_transmission.next()) else {
         return Err(format!("the coupling of {}, which stands in another file", old.name));
     };
     let now = at.attribute("offset").and_then(|x| x.trim().parse::<f64>().ok()).unwrap_or(0.0);

@@ -71,6 +71,5 @@ fn direction(node: &Node, key: &str, diagnostics: &mut Diagnostics) -> Option<[f
     }
     let span = node.get(key).map_or(node.span, |value| value.span);
     let found = format!("`{key}` of the loop constraint has a length near {size:e}");
-    diagnostics.error(span, found, "a direction as [0, 0, 1]", "correct it");
-    None
+    diagnostics.refused(span, found, "a direction as [0, 0, 1]", "correct it")
 }

@@ -47,10 +47,8 @@ pub(crate) fn check(
     }
     let mut owner: BTreeMap<&str, &Entry> = BTreeMap::new();
     for entry in &entries {
-        let kind = entry
-            .type_name
-            .as_ref()
-            .and_then(|(written, span)| kind_of(written, *span, diagnostics));
+        let written = entry.type_name.as_ref();
+        let kind = written.and_then(|(written, span)| kind_of(written, *span, diagnostics));
         Check { urdf, entry, kind, diagnostics }.run(&mut owner);
     }
     let all_read = !entries.is_empty() && entries.iter().all(|entry| entry.tree.is_some());
@@ -86,8 +84,7 @@ pub(crate) fn values(text: &Text, diagnostics: &mut Diagnostics) -> Option<Vec<E
             });
             let found = format!("the values cannot be read: {error}");
             let help = "correct it at this position";
-            diagnostics.error(span, found, "a submechanism file", help);
-            None
+            diagnostics.refused(span, found, "a submechanism file", help)
         }
     }
 }
@@ -195,11 +192,9 @@ impl<'a> Check<'a, '_> {
     /// Each name is in the spanning tree, once.
     fn within_tree(&mut self, names: Option<&'a [Named]>, key: &str) {
         let mut seen: BTreeSet<&str> = BTreeSet::new();
-        let tree: Option<BTreeSet<&str>> = self
-            .entry
-            .tree
-            .as_ref()
-            .map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
+        let tree = self.entry.tree.as_ref();
+        let tree: Option<BTreeSet<&str>> =
+            tree.map(|tree| tree.iter().map(|(name, _)| name.as_str()).collect());
         for (name, span) in names.into_iter().flatten() {
             if !seen.insert(name) {
                 self.twice(name, *span, key);
@@ -283,14 +278,8 @@ impl<'a> Check<'a, '_> {
     /// Each dependent joint of a transmission has a coupling.
     fn transmission(&mut self, tree: &'a [Named], independent: &'a [Named]) {
         let needed = tree.len().saturating_sub(independent.len());
-        let Some((name, span)) = self
-            .entry
-            .type_name
-            .as_ref()
-            .filter(|_| self.urdf.is_some() && self.coupled(tree) < needed)
-        else {
-            return;
-        };
+        let is_short = self.urdf.is_some() && self.coupled(tree) < needed;
+        let Some((name, span)) = self.entry.type_name.as_ref().filter(|_| is_short) else { return };
         let found = format!(
             "{} of {}, of which URDF couples {}",
             quoted(name),
@@ -365,11 +354,8 @@ impl<'a> Check<'a, '_> {
     /// Number of these joints that follow others.
     fn coupled(&self, names: &[Named]) -> usize {
         let Some(urdf) = self.urdf else { return 0 };
-        names
-            .iter()
-            .filter_map(|(name, _)| urdf.joint(name))
-            .filter(|joint| !joint.masters.is_empty())
-            .count()
+        let joints = names.iter().filter_map(|(name, _)| urdf.joint(name));
+        joints.filter(|joint| !joint.masters.is_empty()).count()
     }
 
     /// The bodies of a loop exist and differ; a cut joint without a frame is reported.
@@ -397,11 +383,9 @@ impl<'a> Check<'a, '_> {
             let found = format!("{} is both predecessor and successor", quoted(successor));
             self.diagnostics.error(*span, found, "two bodies", "correct one of them");
         }
-        if let Some((cut, span)) = each
-            .cut_joint
-            .as_ref()
-            .filter(|(cut, _)| !each.is_placed && !urdf.joint_index.contains_key(cut))
-        {
+        let has_no_frame =
+            |(cut, _): &&Named| !each.is_placed && !urdf.joint_index.contains_key(cut);
+        if let Some((cut, span)) = each.cut_joint.as_ref().filter(has_no_frame) {
             let found = format!(
                 "the cut joint {} is no joint of the URDF, so the frame of {} is taken",
                 quoted(cut),

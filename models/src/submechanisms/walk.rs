@@ -72,14 +72,12 @@ pub(crate) fn walk(root: &Node, diagnostics: &mut Diagnostics) -> Vec<Entry> {
         missing(root, "the file", "submechanisms", "a list of at least one", diagnostics);
         return Vec::new();
     };
-    if matches!(list.value, Value::Null)
-        || matches!(&list.value, Value::List(items) if items.is_empty())
-    {
-        let help = "list the joints in submechanisms";
-        diagnostics.error(list.span, "`submechanisms` is empty", "at least one", help);
-    } else if !matches!(list.value, Value::List(_)) {
+    if !matches!(list.value, Value::Null | Value::List(_)) {
         let found = format!("`submechanisms` is {}", list.describe());
         diagnostics.error(list.span, found, "a list", "write each submechanism as a list item");
+    } else if list.items().is_empty() {
+        let help = "list the joints in submechanisms";
+        diagnostics.error(list.span, "`submechanisms` is empty", "at least one", help);
     }
     list.items().iter().filter_map(|node| entry(node, diagnostics)).collect()
 }
@@ -147,12 +145,8 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
     let axes = list(node, "constraint_axes", diagnostics);
     let of_type = cut::walk(node, diagnostics);
     let no_axes = axes.is_empty() && node.get("cut_joint_type").is_none();
-    if no_axes
-        && !matches!(
-            node.get("constraint_axes").map(|axes| &axes.value),
-            Some(Value::Scalar { .. } | Value::Map(_))
-        )
-    {
+    let given = node.get("constraint_axes").map(|axes| &axes.value);
+    if no_axes && !matches!(given, Some(Value::Scalar { .. } | Value::Map(_))) {
         let found = "the loop constraint has no `constraint_axes`";
         let help = "list the constrained directions, or give a cut_joint_type";
         diagnostics.error(node.span, found, "at least one", help);
@@ -173,13 +167,11 @@ fn loop_entry(node: &Node, diagnostics: &mut Diagnostics) -> Option<LoopEntry> {
 fn placements(node: &Node, diagnostics: &mut Diagnostics) -> bool {
     let given = ["predecessor_placement", "successor_placement"].map(|key| (key, node.get(key)));
     for (key, placement) in given {
-        let Some(placement) =
-            placement.filter(|placement| keys(placement, key, PLACEMENT, diagnostics))
-        else {
-            continue;
-        };
-        for part in PLACEMENT {
-            numbers::<3>(placement, key, part, diagnostics);
+        let Some(placement) = placement else { continue };
+        if keys(placement, key, PLACEMENT, diagnostics) {
+            for part in PLACEMENT {
+                numbers::<3>(placement, key, part, diagnostics);
+            }
         }
     }
     if let [(given, Some(placement)), (missing, None)]
@@ -227,10 +219,8 @@ fn row(node: &Node, names: &mut BTreeSet<String>, diagnostics: &mut Diagnostics)
         diagnostics.second(span, "axis of this loop", &name);
     }
     baumgarte(node, diagnostics);
-    let axis = numbers::<6>(node, "a constraint axis", "axis", diagnostics);
-    if let Some(span) =
-        axis.filter(|axis| *axis == [0.0; 6]).and_then(|_| node.get("axis")).map(|node| node.span)
-    {
+    let span = node.get("axis").map_or(node.span, |axis| axis.span);
+    if numbers(node, "a constraint axis", "axis", diagnostics) == Some([0.0; 6]) {
         let expected = "a direction [wx, wy, wz, vx, vy, vz]";
         diagnostics.error(span, "the constraint axis is zero", expected, "correct it");
     }

@@ -218,8 +218,8 @@ pub(super) fn closing(
     });
     if bad.is_some() {
         let found = format!("an axis of the loop {} has no direction", quoted(&closing.name));
-        reader.diagnostics.error(closing.span, found, "a direction as 0 0 1", "correct it");
-        return None;
+        let expected = "a direction as 0 0 1";
+        return reader.diagnostics.refused(closing.span, found, expected, "correct it");
     }
     Some(closing)
 }

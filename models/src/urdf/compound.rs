@@ -19,13 +19,6 @@ pub(crate) enum Compound {
     Universal { axis2: [f64; 3] },
 }
 
-/// One joint of a chain.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Part {
-    compound: Compound,
-    index: usize,
-}
-
 impl Compound {
     /// The names of the parts, behind that of the joint and a slash.
     const fn suffixes(self) -> &'static [&'static str] {
@@ -34,14 +27,12 @@ impl Compound {
             Compound::Universal { .. } => &["r1", "r2"],
         }
     }
-}
 
-impl Part {
-    /// The axis of this part, where `axis` is that of the whole joint. The directions in the plane
-    /// are x and y of the joint frame where the axis is z; else the frame's axis that is least
-    /// along it, made perpendicular, and the cross product of the axis with this one.
-    fn axis(self, axis: [f64; 3]) -> [f64; 3] {
-        match (self.compound, self.index) {
+    /// The axis of a part, where `axis` is that of the whole joint. The directions in the plane are
+    /// x and y of the joint frame where the axis is z; else the frame's axis that is least along
+    /// it, made perpendicular, and the cross product of the axis with this one.
+    fn axis(self, part: usize, axis: [f64; 3]) -> [f64; 3] {
+        match (self, part) {
             (Compound::Planar, 0) => across(axis),
             (Compound::Planar, 1) => cross(axis, across(axis)),
             (Compound::Universal { axis2 }, 1) => axis2,
@@ -49,8 +40,8 @@ impl Part {
         }
     }
 
-    fn kind(self, has_limits: bool) -> JointKind {
-        match (self.compound, self.index) {
+    fn kind(self, part: usize, has_limits: bool) -> JointKind {
+        match (self, part) {
             (Compound::Planar, 0 | 1) => JointKind::Prismatic,
             (Compound::Universal { .. }, _) if has_limits => JointKind::Revolute,
             _ => JointKind::Continuous,
@@ -81,7 +72,6 @@ pub(super) fn expand(
             suffixes.iter().map(|suffix| format!("{}/{suffix}", joint.name)).collect();
         let mut parent = joint.parent.clone();
         for (index, name) in names.iter().enumerate() {
-            let part = Part { compound, index };
             let is_last = index + 1 == names.len();
             let child = if is_last {
                 joint.child.clone()
@@ -97,10 +87,10 @@ pub(super) fn expand(
             chains.push(JointEntry {
                 name: if joint.name.is_empty() { String::new() } else { name.clone() },
                 span: joint.span,
-                kind: Some(part.kind(joint.limits.is_some())),
+                kind: Some(compound.kind(index, joint.limits.is_some())),
                 compound: None,
                 origin: if index == 0 { joint.origin } else { Placement::default() },
-                axis: part.axis(joint.axis),
+                axis: compound.axis(index, joint.axis),
                 parent,
                 child: child.clone(),
                 limits: joint.limits.filter(|_| compound != Compound::Planar),

@@ -54,12 +54,10 @@ pub(super) fn read<'t>(
 /// The rotor of a transmission's actuator; most transmissions have none and are skipped.
 pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec<Rotor> {
     let child = |node: Node<'_, 't>, name: &str| node.children().any(|child| is_named(child, name));
-    let actuators = node
-        .children()
-        .filter(|actuator| actuator.has_tag_name("actuator") && child(*actuator, "rotor_inertia"));
-    let actuators: Vec<Node<'_, 't>> = actuators.collect();
-    let joints: Vec<Node<'_, 't>> =
-        node.children().filter(|child| child.has_tag_name("joint")).collect();
+    let all = |name: &'static str| node.children().filter(move |child| child.has_tag_name(name));
+    let actuators: Vec<Node<'_, 't>> =
+        all("actuator").filter(|actuator| child(*actuator, "rotor_inertia")).collect();
+    let joints: Vec<Node<'_, 't>> = all("joint").collect();
     let ([actuator], [joint]) = (&actuators[..], &joints[..]) else {
         if let Some(second) = actuators.first() {
             let [rotors, joints] = [actuators.len(), joints.len()];
@@ -70,11 +68,9 @@ pub(super) fn rotors<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Vec
         return Vec::new();
     };
     let mut value = |names: &[&str]| {
-        let found = names
-            .iter()
-            .find_map(|name| actuator.children().find(|child| is_named(*child, name)))?;
-        let attribute = found.attribute("value").is_some();
-        let number = if attribute {
+        let named = |name: &&str| actuator.children().find(|child| is_named(*child, name));
+        let found = names.iter().find_map(named)?;
+        let number = if found.has_attribute("value") {
             reader.required_number(found, "value")
         } else {
             reader.numbers_of_text(found).map(|[number]| number)

@@ -125,8 +125,8 @@ fn mimic<'t>(reader: &mut Reader<'t, '_>, plugin: Node<'_, 't>) -> Option<Depend
         return None;
     };
     let [multiplier, offset] = [("multiplier", 1.0), ("offset", 0.0)].map(|(element, default)| {
-        child(plugin, element)
-            .map_or(Some(default), |node| reader.numbers_of_text(node).map(|[number]| number))
+        let Some(node) = child(plugin, element) else { return Some(default) };
+        reader.numbers_of_text(node).map(|[number]| number)
     });
     let master =
         Master { joint: master, span, multiplier: multiplier?, offset: offset?, curve: None };

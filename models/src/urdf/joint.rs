@@ -247,10 +247,8 @@ fn limit<'t>(
     let span = reader.span(node);
     let is_optional = reader.version.has_optional_limits();
     let has_bound = node.has_attribute("lower") || node.has_attribute("upper");
-    let absent = match has_bound && !is_optional {
-        true => [0.0, 0.0],
-        false => [f64::NEG_INFINITY, f64::INFINITY],
-    };
+    let is_bounded = has_bound && !is_optional;
+    let absent = if is_bounded { [0.0; 2] } else { [f64::NEG_INFINITY, f64::INFINITY] };
     let lower = reader.number(node, "lower").unwrap_or(absent[0]);
     let upper = reader.number(node, "upper").unwrap_or(absent[1]);
     let names = ["effort", "velocity", "acceleration", "deceleration", "jerk"];

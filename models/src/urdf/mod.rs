@@ -92,10 +92,9 @@ fn index<'a>(
 ) -> BTreeMap<String, usize> {
     let mut index = BTreeMap::new();
     for (i, (name, span)) in names.enumerate().filter(|(_, (name, _))| !name.is_empty()) {
-        if index.contains_key(name) {
+        // the first one keeps its name
+        if *index.entry(name.clone()).or_insert(i) != i {
             diagnostics.second(span, kind, name);
-        } else {
-            index.insert(name.clone(), i);
         }
     }
     index

@@ -35,9 +35,7 @@ pub(super) fn joint<'t>(reader: &mut Reader<'t, '_>, node: Node<'_, 't>) -> Opti
             passive(reader, axis, &name);
         }
     }
-    let [parent, own] = links;
-    let parent = parent?;
-    let own = own?;
+    let [Some(parent), Some(own)] = links else { return None };
     let names = [parent.0.as_str(), own.0.as_str()];
     let Some(kind) = kind(&written).filter(|kind| !matches!(kind, CutJoint::Cylindrical { .. }))
     else {

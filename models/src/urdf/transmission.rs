@@ -164,13 +164,8 @@ impl Gear {
         };
         let name = |j: usize| joint(j).map(|joint| joint.name.clone());
         let masters = terms.iter().filter(|(j, _)| j != follower).filter_map(|(j, factor)| {
-            Some(Master {
-                joint: name(*j)?,
-                span,
-                multiplier: -factor / own,
-                offset: 0.0,
-                curve: None,
-            })
+            let [multiplier, offset] = [-factor / own, 0.0];
+            Some(Master { joint: name(*j)?, span, multiplier, offset, curve: None })
         });
         Some(Dependence { joint: name(*follower)?, span, masters: masters.collect() })
     }

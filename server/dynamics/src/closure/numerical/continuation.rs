@@ -50,22 +50,14 @@ pub(in crate::closure) fn follow<T: Real>(
     for &j in &cluster.independent_q {
         local.scratch.goal[j] = local.q[j];
     }
-    local.q.copy_from_slice(local.start);
-    local.scratch.last[..n].copy_from_slice(local.start);
-    // a guess that is not quite closed is closed first, at its own y
-    numerical.settle(local);
-    let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
-    iterations += count;
-    if !closed {
-        local.q.copy_from_slice(local.start);
-        local.scratch.goal[..n].copy_from_slice(local.start);
-        return Outcome::failed(stalled(local), iterations);
-    }
+    let mut at = match begin(numerical, local, &mut iterations) {
+        Ok(at) => at,
+        Err(status) => return Outcome::failed(status, iterations),
+    };
     local.scratch.last[..n].copy_from_slice(local.q);
     numerical.remember(local);
     let mut leads_on = leads_on_from(numerical, local);
     let whole = distance(cluster, local.start, &local.scratch.goal);
-    let mut at = 0.0;
     let mut step = FIRST;
     let mut attempts = 0;
     let mut failed = false;
@@ -117,6 +109,31 @@ pub(in crate::closure) fn follow<T: Real>(
         }
     }
     Outcome { open: open.to_f64(), ..Outcome::closed(iterations) }
+}
+
+/// Closes the pose at which the steps begin: where the path leaves the table, or its start; returns
+/// the part of the path before it.
+fn begin<T: Real>(
+    numerical: &Numerical<T>,
+    local: &mut Local<'_, T>,
+    iterations: &mut u32,
+) -> Result<f64, Status> {
+    let n = local.cluster.n_q;
+    if let Some(share) = numerical.enter(local) {
+        return Ok(share);
+    }
+    local.q.copy_from_slice(local.start);
+    local.scratch.last[..n].copy_from_slice(local.start);
+    // a guess that is not quite closed is closed first, at its own y
+    numerical.settle(local);
+    let (closed, count) = numerical.newton(local, Branches::Remembered, T::ZERO);
+    *iterations += count;
+    if closed {
+        return Ok(0.0);
+    }
+    local.q.copy_from_slice(local.start);
+    local.scratch.goal[..n].copy_from_slice(local.start);
+    Err(stalled(local))
 }
 
 /// Leaves the given independents with the dependents of the last closed pose, and that pose in

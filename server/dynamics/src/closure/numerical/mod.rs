@@ -32,7 +32,7 @@ use crate::closure::numerical::block::Blocks;
 use crate::closure::numerical::newton::{CAUTION, Start};
 use crate::closure::numerical::seeds::Seeds;
 use crate::closure::path::distance;
-use crate::closure::{Level, Local, Outcome, Scratch};
+use crate::closure::{Level, Local, Outcome, Scratch, interpolate};
 use crate::mechanism::{Motion, turn_some};
 use crate::scalar::{Real, constants};
 use crate::spatial::Pose;
@@ -290,16 +290,27 @@ impl<T: Real> Numerical<T> {
 
     /// One attempt from a seed, if there is one.
     fn close_from(&self, seeds: &Seeds, local: &mut Local<'_, T>) -> Option<Outcome> {
-        if seeds.columns.is_empty() || !seeds.find(local.start, local.q) {
+        let is_there = seeds.find(local.start, local.q)
+            && self.form.as_ref().is_none_or(|form| form.complete(local));
+        if !is_there {
             return None;
-        }
-        if let Some(form) = &self.form {
-            form.complete(local);
         }
         for (branch, sign) in local.scratch.branch.iter_mut().zip(&seeds.signs) {
             *branch = T::from_f64(*sign);
         }
         self.attempt(local, T::ZERO)
+    }
+
+    /// The closed pose where the straight path from the zero pose to `scratch.goal` leaves the
+    /// table, and the part of the path before it; `None` without one.
+    pub(in crate::closure) fn enter(&self, local: &mut Local<'_, T>) -> Option<f64> {
+        let seeds = self.seeds.as_deref().filter(|_| local.from_zero && !self.meets)?;
+        let share = seeds.share(local.start, &local.scratch.goal);
+        let goal = &local.scratch.goal;
+        interpolate(local.cluster, local.start, goal, T::from_f64(share), local.q);
+        local.scratch.choice = 0;
+        self.close_from(seeds, local)?;
+        Some(share)
     }
 
     /// One straight attempt from the dependents in `local.q`, on the branch whose signs of

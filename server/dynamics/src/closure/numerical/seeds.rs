@@ -27,6 +27,8 @@ use crate::scalar::Real;
 pub(crate) const LANES: usize = 4;
 /// Most independents of a cluster with seeds.
 pub(crate) const MOST: usize = 3;
+/// How often the path out of the cells is halved.
+const HALVINGS: u32 = 12;
 /// Most corners of a cell, and derivatives at each.
 const SIDES: usize = 1 << MOST;
 
@@ -74,12 +76,17 @@ impl Seeds {
     /// steps; `None` outside the cells that are used.
     #[inline]
     pub(crate) fn cell<T: Real>(&self, start: &[T], q: &[T]) -> Option<(usize, [f64; MOST])> {
+        self.cell_at(|axis| (q[axis.coordinate] - start[axis.coordinate]).to_f64())
+    }
+
+    /// As above, so far from the zero pose along each axis.
+    #[inline(always)]
+    fn cell_at(&self, from_zero: impl Fn(&Axis) -> f64) -> Option<(usize, [f64; MOST])> {
         let mut cell = 0;
         let mut node = 0;
         let mut along = [0.0; MOST];
         for (axis, along) in self.axes.iter().zip(&mut along) {
-            let from_zero = (q[axis.coordinate] - start[axis.coordinate]).to_f64();
-            let x = from_zero / axis.step + axis.below as f64;
+            let x = from_zero(axis) / axis.step + axis.below as f64;
             if !(0.0 <= x && x <= (axis.nodes - 1) as f64) {
                 return None;
             }
@@ -89,6 +96,24 @@ impl Seeds {
             node = node * axis.nodes + i;
         }
         self.cells[cell].then_some((node, along))
+    }
+
+    /// The part of the straight path from `start` to the independents of `goal` that lies in cells
+    /// that are used: with a cell all of those between it and the zero pose are.
+    pub(crate) fn share<T: Real>(&self, start: &[T], goal: &[T]) -> f64 {
+        let [mut inside, mut outside] = [0.0, 1.0];
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (inside + outside);
+            let at = |axis: &Axis| {
+                let from_zero = (goal[axis.coordinate] - start[axis.coordinate]).to_f64();
+                middle * from_zero
+            };
+            match self.cell_at(at) {
+                Some(_) => inside = middle,
+                None => outside = middle,
+            }
+        }
+        inside
     }
 
     /// The seed of the independents in `q` into its dependents; false where there is none. `start`
