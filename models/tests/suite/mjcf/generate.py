@@ -2,8 +2,8 @@
 
 Each state is closed by Newton's method on MuJoCo's own residuals. Coordinates are those of sarrus:
 zero in the file's pose, quaternions x y z w, the velocity of a free joint in the body. Rows of K
-are in the axes of body1; forces contain springs, dampers and gravity. A free joint that a loop holds
-in part is three slides, along the axes of its body in the file's pose, and a ball.
+are in the axes of body1; forces contain springs, dampers and gravity. A free joint that a loop
+holds in part is three slides, along the axes of its body in the file's pose, and a ball.
 """
 
 import json

@@ -232,15 +232,15 @@
 //! spherical linkage, on a hinge and with a pin, is such a rod: from a point P of the hinge's axis
 //! to the pin, with n alone for its turns. A third turn of a rod about itself is idle.
 //!
-//! **Any other loop** of joints with one freedom takes two to four of Newton's steps on its own rows
-//! from the table, q_d ← q_d − A⁻¹ φ; A⁻¹ of the first one, or of the second where seeds are rough,
-//! serves those after it. Redundant rows hold at every node: Bennett's and Bricard's loops.
+//! **Any other loop** of joints with one freedom takes two to four of Newton's steps on its own
+//! rows from the table, q_d ← q_d − A⁻¹ φ; A⁻¹ of the first one, or of the second where seeds are
+//! rough, serves those after it. Redundant rows hold at every node: Bennett's and Bricard's loops.
 //!
 //! These forms answer a request without a guess at a pose to which the straight path from the zero
 //! pose is known to be regular: loading has compared them with Newton's method at every node of a
-//! table of such poses. Beyond it the path is followed on the declared rows from where it leaves the
-//! table. From a guess, and with another end of Newton's method, that
-//! answers on the declared rows; K, k and λ are always those of these.
+//! table of such poses. Beyond it the path is followed on the declared rows from where it leaves
+//! the table. From a guess, and with another end of Newton's method, that answers on the declared
+//! rows; K, k and λ are always those of these.
 //!
 //! # 6UPS
 //!
