@@ -176,7 +176,7 @@ fn compared(
     }
     println!(
         "{count:?} mechanisms, states, states in double-double, states closed by one of both alone: \
-         {worst:.1?} of what is allowed"
+         {worst:.1?} of the bound"
     );
     count
 }

@@ -117,6 +117,6 @@ fn overconstrained_loops_stand_where_newtons_method_has_them() {
             count += 1;
         }
     }
-    println!("{count} states, {worst:.1e} of what is allowed");
+    println!("{count} states, {worst:.1e} of the bound");
     assert!(count > 8000, "{count}");
 }

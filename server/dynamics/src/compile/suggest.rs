@@ -8,6 +8,7 @@ use crate::compile::mobility::{good_independents, off_zero, preferred};
 use crate::compile::rank::null_space;
 use crate::description::Description;
 use crate::diagnostic::CompileError;
+use crate::mechanism::Cluster;
 use crate::scalar::{Dd, Real};
 
 /// Sampled poses off the zero pose.
@@ -57,9 +58,7 @@ pub fn suggest_independents(
                 idle.push(joint);
             }
             dependent[joint] |= !chosen.contains(&v);
-            let body = |v: usize| subject.cluster.dofs[v].body;
-            let is_split = |w: &usize| body(*w) == body(v) && !chosen.contains(&v);
-            split.extend(chosen.iter().any(is_split).then_some(joint));
+            split.extend(is_split(subject.cluster, &chosen, v).then_some(joint));
         }
     }
     let independent = description
@@ -93,13 +92,8 @@ fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
         let (idle, chosen) = chosen.iter().copied().partition::<Vec<_>, _>(is_idle);
         [idle, chosen]
     });
-    // all freedoms of a joint are independent, or none
-    let are_whole = |chosen: &[usize]| {
-        let is_split = |v: usize| chosen.iter().any(|w| body(*w) == body(v));
-        (0..cluster.n_v).all(|v| chosen.contains(&v) || !is_split(v))
-    };
     let fits = |[_, chosen]: &&[Vec<usize>; 2]| {
-        if !are_whole(chosen) {
+        if (0..cluster.n_v).any(|v| is_split(cluster, chosen, v)) {
             return false;
         }
         let mut cluster = cluster.clone();
@@ -112,6 +106,12 @@ fn suggest(subject: &Subject<'_>) -> Option<[Vec<usize>; 2]> {
         samples.iter().filter(at_rank).all(|at| idle_motions(&trial, at, rank).is_some())
     };
     sets.iter().find(fits).or(sets.first()).cloned()
+}
+
+/// True where a velocity depends on the chosen ones although others of its joint are among them.
+fn is_split(cluster: &Cluster<f64>, chosen: &[usize], v: usize) -> bool {
+    let body = |v: usize| cluster.dofs[v].body;
+    !chosen.contains(&v) && chosen.iter().any(|w| body(*w) == body(v))
 }
 
 /// True where the motion that one independent makes alone is idle.
