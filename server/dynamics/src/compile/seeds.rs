@@ -295,18 +295,17 @@ impl Table<'_> {
         let axes = &seeds.axes;
         let grid = Grid::of_cells(axes);
         let corners = Grid::of_nodes(axes);
-        let mut used = vec![false; grid.len()];
-        for number in grid.outwards() {
-            let place = grid.place(number);
-            // the cells between it and the zero pose
-            if !(0..axes.len()).filter_map(|a| grid.inwards(&place, a)).all(|inner| used[inner]) {
-                continue;
-            }
-            let around = corners.corners(&place).map(|corner| nodes[corner].as_ref());
-            let Some(around) = around.collect::<Option<Vec<_>>>() else { continue };
-            used[number] = self.is_smooth(seeds, zero, &place, &around);
-        }
-        used
+        let places: Vec<Vec<usize>> = (0..grid.len()).map(|number| grid.place(number)).collect();
+        let mut is_sound = |place: &Vec<usize>| {
+            let around = corners.corners(place).map(|corner| nodes[corner].as_ref());
+            let around: Option<Vec<&Node>> = around.collect();
+            around.is_some_and(|around| self.is_smooth(seeds, zero, place, &around))
+        };
+        let sound: Vec<bool> = places.iter().map(&mut is_sound).collect();
+        let unsound = places.iter().zip(&sound).filter(|(_, sound)| !**sound);
+        let unsound: Vec<&Vec<usize>> = unsound.map(|(place, _)| place).collect();
+        let is_used = |place: &Vec<usize>| !unsound.iter().any(|cell| grid.crosses(place, cell));
+        places.iter().zip(sound).map(|(place, sound)| sound && is_used(place)).collect()
     }
 
     /// True where the closed pose at the center of a cell is where the interpolation has it.

@@ -7,7 +7,7 @@ use sarrus_proto::{Answer, Field, FieldSet, Query, QueryError, Slot, Status, War
 use crate::model::{Method, Model};
 use crate::plan::Plan;
 use crate::scalar::{Dd, Real, all_finite};
-use crate::workspace::{Probe, Workspace};
+use crate::workspace::{Again, Workspace};
 
 /// Largest part of a step, in radians or metres, m/s or rad/s, N or N m.
 const STEP: f64 = 1e-10;
@@ -47,7 +47,7 @@ impl Plan {
     ) -> Answer {
         let mut status = Status::WrongSize;
         if let (Some(first), Some(probe)) = (&self.first, &mut ws.probe) {
-            status = self.differences(first, probe, &ws.q, input, output);
+            status = self.differences(first, &mut probe.exact, &ws.q, input, output);
         }
         if status == Status::Ok {
             return answer;
@@ -59,7 +59,7 @@ impl Plan {
     fn differences(
         &self,
         first: &Plan,
-        probe: &mut Probe,
+        probe: &mut Again<Dd>,
         q: &[f64],
         input: &[f64],
         output: &mut [f64],
@@ -89,12 +89,9 @@ impl Plan {
                     *to = Dd::from(*x) + change;
                 }
             }
+            probe.resume::<f64>(&[], q);
             let given = &mut probe.input[..first.given.len()];
             displace(&probe.model, &mut probe.workspace, first, &direction[..n], step, given);
-            probe.workspace.resumes = true;
-            for (to, x) in probe.workspace.start.iter_mut().zip(q) {
-                *to = Dd::from(*x);
-            }
             let found = &mut probe.output[at..at + len];
             let answer = first.run(&probe.model, &mut probe.workspace, given, found);
             if answer.status != Status::Ok {

@@ -14,8 +14,8 @@ use sarrus_proto::MAX_FRAMES;
 pub(crate) use body::{Articulated, BodyState, Composite, Embedding, Force};
 pub(crate) use derivatives::{Column, Derivatives, Moving, Seen, Supported};
 pub(crate) use motors::{MOST_SEGMENTS, MotorScratch};
-pub(crate) use probe::Probe;
 use probe::longest_input;
+pub(crate) use probe::{Again, Probe};
 pub(crate) use search::{Search, TASK_ROWS};
 
 use crate::closure::{

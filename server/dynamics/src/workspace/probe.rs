@@ -9,13 +9,24 @@ use crate::workspace::{Needs, Workspace};
 /// Longest output whose digits are counted, in every workspace: 16 MiB.
 const LONGEST: usize = 1 << 20;
 
-/// A model, a workspace and the numbers of one request over [`Dd`].
+/// Scratch of a doubtful answer that is computed again.
 #[derive(Clone, Debug)]
 pub(crate) struct Probe {
-    pub(crate) model: Model<Dd>,
-    pub(crate) workspace: Workspace<Dd>,
-    pub(crate) input: Vec<Dd>,
-    pub(crate) output: Vec<Dd>,
+    /// In doubles with other roundings, by which most doubtful answers are found good.
+    pub(crate) samples: [Again<f64>; 2],
+    /// In double-double.
+    pub(crate) exact: Again<Dd>,
+}
+
+/// A model with moved constants, a workspace and the numbers of one request.
+#[derive(Clone, Debug)]
+pub(crate) struct Again<S: Real> {
+    pub(crate) model: Model<S>,
+    pub(crate) workspace: Workspace<S>,
+    pub(crate) input: Vec<S>,
+    pub(crate) output: Vec<S>,
+    /// Tells samples apart; none in double-double, whose input stays.
+    sample: Option<u64>,
 }
 
 impl Probe {
@@ -34,29 +45,62 @@ impl Probe {
         output: usize,
     ) -> Option<Box<Probe>> {
         T::PROBED.then(|| {
-            let model = model.map(|c| moved(c.to_f64()));
+            let sizes = [input, output.min(LONGEST)];
             Box::new(Probe {
-                workspace: Workspace::sized(&model, needs),
-                model,
-                input: vec![Dd::ZERO; input],
-                output: vec![Dd::ZERO; output.min(LONGEST)],
+                samples: [1, 2].map(|k| Again::new(model, needs, sizes, Some(k))),
+                exact: Again::new(model, needs, sizes, None),
             })
         })
     }
 }
 
-/// A constant of the model, moved by one or two units of its last place: it was rounded when the
-/// model was made, and an answer that depends on that rounding has lost the same digits. Whole
-/// numbers were not rounded. The direction follows from the bits.
-fn moved(x: f64) -> Dd {
-    if x.fract() == 0.0 || !x.is_finite() {
-        return Dd::from(x);
+impl<S: Real> Again<S> {
+    fn new<T: Real>(
+        model: &Model<T>,
+        needs: Needs,
+        sizes: [usize; 2],
+        sample: Option<u64>,
+    ) -> Again<S> {
+        let model = model.map(|c| S::from_f64(moved(c.to_f64(), sample)));
+        Again {
+            workspace: Workspace::sized(&model, needs),
+            model,
+            input: vec![S::ZERO; sizes[0]],
+            output: vec![S::ZERO; sizes[1]],
+            sample,
+        }
+    }
+
+    /// Takes the input of a request and its coordinates, from which closures start: a long path to
+    /// them is not followed twice.
+    pub(crate) fn resume<T: Real>(&mut self, input: &[T], q: &[T]) {
+        self.workspace.resumes = true;
+        for (to, x) in self.workspace.start.iter_mut().zip(q) {
+            *to = S::from_f64(x.to_f64());
+        }
+        let given = |x: f64| self.sample.map_or(x, |_| moved(x, self.sample));
+        for (to, x) in self.input.iter_mut().zip(input) {
+            *to = S::from_f64(given(x.to_f64()));
+        }
+    }
+}
+
+/// A number moved by one or two units of its last place, up to four in a sample of roundings:
+/// constants were rounded when the model was made, and an answer that depends on that rounding has
+/// lost the same digits. Whole numbers were not rounded, but a robot may have no others, so that
+/// samples move them. The direction follows from the bits.
+fn moved(x: f64, sample: Option<u64>) -> f64 {
+    let stays = x == 0.0 || x.fract() == 0.0 && sample.is_none();
+    if stays || !x.is_finite() {
+        return x;
     }
     let bits = x.to_bits();
-    let hash = bits.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 62;
-    // −2, −1, 1, 2
-    let step = hash as i64 - 2 + (hash as i64 >> 1);
-    Dd::from(f64::from_bits(bits.wrapping_add_signed(step)))
+    let salt = sample.unwrap_or_default() << 32;
+    let hash = (bits ^ salt).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    // −2, −1, 1, 2 or −4 to −1, 1 to 4
+    let most = if sample.is_some() { 4 } else { 2 };
+    let step = (hash >> 61) as i64 * most / 4 - most;
+    f64::from_bits(bits.wrapping_add_signed(step + i64::from(step >= 0)))
 }
 
 /// More numbers than any plan is given.

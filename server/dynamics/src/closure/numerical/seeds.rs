@@ -10,9 +10,9 @@
 //! **The same assembly.** A cell is used only where its corners were reached from the zero pose on
 //! regular paths with no change of sign of any block's determinant, where the closed pose at its
 //! center agrees with the interpolation to a small part of the distance to the nearest singular
-//! pose, and where every cell between it and the zero pose is used too. So the straight path from
-//! the zero pose to any y of it lies in cells in which γ is one smooth function, and continuation
-//! along that path can arrive nowhere else. An attempt from a seed must pass the checks of any
+//! pose, and where the same is true of every cell that a straight path from the zero pose into it
+//! can cross. So on the straight path from the zero pose to any y of it γ is one smooth function,
+//! and continuation along that path can arrive nowhere else. An attempt from a seed must pass the checks of any
 //! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
 //! answers.
 //!
@@ -98,8 +98,8 @@ impl Seeds {
         self.cells[cell].then_some((node, along))
     }
 
-    /// The part of the straight path from `start` to the independents of `goal` that lies in cells
-    /// that are used: with a cell all of those between it and the zero pose are.
+    /// A part of the straight path from `start` to the independents of `goal` that ends in a cell
+    /// that is used, where the path leaves them.
     pub(crate) fn share<T: Real>(&self, start: &[T], goal: &[T]) -> f64 {
         let [mut inside, mut outside] = [0.0, 1.0];
         for _ in 0..HALVINGS {

@@ -69,6 +69,22 @@ impl Grid {
         if i >= below { i - below } else { below - i - usize::from(self.cells) }
     }
 
+    /// True if a straight path from the zero pose into a cell can cross another one: at some part t
+    /// of the path, t [d, d + 1] meets [c, c + 1] along every axis.
+    pub(super) fn crosses(&self, cell: &[usize], other: &[usize]) -> bool {
+        let mut since = 0.0_f64;
+        let mut until = 1.0_f64;
+        for (a, below) in self.below.iter().enumerate() {
+            if (cell[a] < *below) != (other[a] < *below) {
+                return false;
+            }
+            let [d, c] = [cell, other].map(|place| self.away(place[a], a) as f64);
+            since = since.max(c / (d + 1.0));
+            until = until.min((c + 1.0) / d);
+        }
+        since < until
+    }
+
     /// The neighbour along one axis that is nearer to the zero pose.
     pub(super) fn inwards(&self, place: &[usize], a: usize) -> Option<usize> {
         if self.away(place[a], a) == 0 {
@@ -87,5 +103,35 @@ impl Grid {
         };
         all.sort_by_cached_key(away);
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_is_crossed_where_a_path_to_another_goes_through_it() {
+        let axis = |nodes, below| Axis { coordinate: 0, nodes, below, step: 1.0 };
+        let axes = [axis(6, 2), axis(4, 0), axis(4, 3)];
+        let grid = Grid::of_cells(&axes);
+        for number in 0..grid.len() {
+            let cell = grid.place(number);
+            // points on paths to a lattice of points inside the cell
+            let mut crossed = vec![false; grid.len()];
+            for k in 0..6 * 6 * 6 {
+                let share = [k % 6, k / 6 % 6, k / 36].map(|i| (f64::from(i) + 0.01) / 5.02);
+                for t in (1..=400).map(|t| f64::from(t) / 400.0) {
+                    let along = |a: usize| {
+                        let to = cell[a] as f64 + share[a] - axes[a].below as f64;
+                        (t * to + axes[a].below as f64) as usize
+                    };
+                    crossed[grid.number(&[along(0), along(1), along(2)])] = true;
+                }
+            }
+            let crosses: Vec<bool> =
+                (0..grid.len()).map(|other| grid.crosses(&cell, &grid.place(other))).collect();
+            assert_eq!(crosses, crossed, "{cell:?}");
+        }
     }
 }
