@@ -12,9 +12,9 @@
 //! center agrees with the interpolation to a small part of the distance to the nearest singular
 //! pose, and where the same is true of every cell that a straight path from the zero pose into it
 //! can cross. So on the straight path from the zero pose to any y of it γ is one smooth function,
-//! and continuation along that path can arrive nowhere else. An attempt from a seed must pass the checks of any
-//! attempt, and each determinant must keep its sign at the zero pose; otherwise continuation
-//! answers.
+//! and continuation along that path can arrive nowhere else. An attempt from a seed must pass the
+//! checks of any attempt, and each determinant must keep its sign at the zero pose; otherwise
+//! continuation answers.
 //!
 //! **Closed form.** A mechanism of which a form ([`crate::closure::Form`]) agrees with Newton's
 //! method at every corner and every center of these cells is closed by it there: in a cell γ is one
