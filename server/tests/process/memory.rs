@@ -39,7 +39,7 @@ impl Drop for Group {
 #[test]
 fn clients_beyond_a_limit_of_memory_are_refused_and_the_server_goes_on() {
     let sandbox = Sandbox::new();
-    let Some(group) = Group::limited(32 << 20) else {
+    let Some(group) = Group::limited(34 << 20) else {
         return println!("not run: this user has no control groups with limits");
     };
     let inner = sandbox.command(ROBOT, "tight", &["--lanes", "64"]);

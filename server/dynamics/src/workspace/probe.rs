@@ -8,6 +8,9 @@ use crate::workspace::{Needs, Workspace};
 
 /// Longest output whose digits are counted, in every workspace: 16 MiB.
 const LONGEST: usize = 1 << 20;
+/// Numbers of a question and of its answer, and frames of a task, that samples have room for.
+const SAMPLED: usize = 1 << 12;
+const FRAMES: usize = 4;
 
 /// Scratch of a doubtful answer that is computed again.
 #[derive(Clone, Debug)]
@@ -45,10 +48,12 @@ impl Probe {
         output: usize,
     ) -> Option<Box<Probe>> {
         T::PROBED.then(|| {
-            let sizes = [input, output.min(LONGEST)];
+            let few = Needs { frames: needs.frames.min(FRAMES), search: false, ..needs };
+            let [sampled, output] =
+                [SAMPLED, LONGEST].map(|most| [input.min(most), output.min(most)]);
             Box::new(Probe {
-                samples: [1, 2].map(|k| Again::new(model, needs, sizes, Some(k))),
-                exact: Again::new(model, needs, sizes, None),
+                samples: [1, 2].map(|k| Again::new(model, few, sampled, Some(k))),
+                exact: Again::new(model, needs, output, None),
             })
         })
     }
