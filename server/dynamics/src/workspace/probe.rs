@@ -9,8 +9,10 @@ use crate::workspace::{Needs, Workspace};
 /// Longest output whose digits are counted, in every workspace: 16 MiB.
 const LONGEST: usize = 1 << 20;
 /// Numbers of a question and of its answer, and frames of a task, that samples have room for.
-const SAMPLED: usize = 1 << 12;
+const NUMBERS: usize = 1 << 12;
 const FRAMES: usize = 4;
+/// Most units of the last place by which a sample moves a number.
+const MOVED: i64 = 4;
 
 /// Scratch of a doubtful answer that is computed again.
 #[derive(Clone, Debug)]
@@ -50,7 +52,7 @@ impl Probe {
         T::PROBED.then(|| {
             let few = Needs { frames: needs.frames.min(FRAMES), search: false, ..needs };
             let [sampled, output] =
-                [SAMPLED, LONGEST].map(|most| [input.min(most), output.min(most)]);
+                [NUMBERS, LONGEST].map(|most| [input.min(most), output.min(most)]);
             Box::new(Probe {
                 samples: [1, 2].map(|k| Again::new(model, few, sampled, Some(k))),
                 exact: Again::new(model, needs, output, None),
@@ -66,7 +68,7 @@ impl<S: Real> Again<S> {
         sizes: [usize; 2],
         sample: Option<u64>,
     ) -> Again<S> {
-        let model = model.map(|c| S::from_f64(moved(c.to_f64(), sample)));
+        let model = model.map(|c| S::from_f64(constant(c.to_f64(), sample)));
         Again {
             workspace: Workspace::sized(&model, needs),
             model,
@@ -83,27 +85,34 @@ impl<S: Real> Again<S> {
         for (to, x) in self.workspace.start.iter_mut().zip(q) {
             *to = S::from_f64(x.to_f64());
         }
-        let given = |x: f64| self.sample.map_or(x, |_| moved(x, self.sample));
+        let given = |x: f64| self.sample.map_or(x, |k| moved(x, MOVED, k));
         for (to, x) in self.input.iter_mut().zip(input) {
             *to = S::from_f64(given(x.to_f64()));
         }
     }
 }
 
-/// A number moved by one or two units of its last place, up to four in a sample of roundings:
-/// constants were rounded when the model was made, and an answer that depends on that rounding has
-/// lost the same digits. Whole numbers were not rounded, but a robot may have no others, so that
-/// samples move them. The direction follows from the bits.
-fn moved(x: f64, sample: Option<u64>) -> f64 {
-    let stays = x == 0.0 || x.fract() == 0.0 && sample.is_none();
-    if stays || !x.is_finite() {
+/// A constant of the model, moved by one or two units of its last place, in a sample by up to
+/// [`MOVED`]: it was rounded when the model was made, and an answer that depends on that rounding
+/// has lost the same digits. Whole numbers were not rounded, but a robot may have no others, so
+/// that samples move them.
+fn constant(x: f64, sample: Option<u64>) -> f64 {
+    match sample {
+        Some(k) => moved(x, MOVED, k),
+        None if x.fract() == 0.0 => x,
+        None => moved(x, 2, 0),
+    }
+}
+
+/// A number moved by up to 2 or 4 units of its last place, but never by none; zero stays. The
+/// direction follows from the bits, and differs between samples.
+fn moved(x: f64, most: i64, sample: u64) -> f64 {
+    if x == 0.0 || !x.is_finite() {
         return x;
     }
     let bits = x.to_bits();
-    let salt = sample.unwrap_or_default() << 32;
-    let hash = (bits ^ salt).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    // −2, −1, 1, 2 or −4 to −1, 1 to 4
-    let most = if sample.is_some() { 4 } else { 2 };
+    let hash = (bits ^ sample << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    // −4 to −1 and 1 to 4, or −2, −1, 1, 2
     let step = (hash >> 61) as i64 * most / 4 - most;
     f64::from_bits(bits.wrapping_add_signed(step + i64::from(step >= 0)))
 }
